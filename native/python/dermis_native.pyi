@@ -1,0 +1,181 @@
+"""Dermis: skin weights and volume-keeping skin for articulated characters.
+
+Arrays are numpy arrays in C order. Float input may be float32 or float64, index input any integer
+type. Lengths are in the caller's unit. Wrong shapes, indices out of range and NaN or infinite
+input raise `ValueError` naming the element; every other failure raises a subclass of
+`DermisError`. Long calls release the interpreter lock.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Literal, final
+
+import numpy as np
+import numpy.typing as npt
+
+_Floats = npt.NDArray[np.floating[Any]]
+_Integers = npt.NDArray[np.integer[Any]]
+
+__version__: str
+
+class DermisError(Exception):
+    """Base of every failure that is not a wrong argument."""
+
+class NumericalError(DermisError):
+    """A factorisation broke down or an eigen solve did not reach its residual bound."""
+
+class RetargetError(DermisError):
+    """The characters cannot be matched: no landmarks, no common bones, nothing to match."""
+
+class Cancelled(DermisError):
+    """`Progress.cancel` was called; nothing was changed."""
+
+@final
+class Progress:
+    """Shared between the thread that works and the thread that watches."""
+
+    def __init__(self) -> None: ...
+    def cancel(self) -> None:
+        """Ask the running call to stop; it raises `Cancelled` soon afterwards."""
+    @property
+    def cancelled(self) -> bool: ...
+    @property
+    def fraction(self) -> float:
+        """Share of the work done, 0 to 1."""
+    @property
+    def stage(self) -> str:
+        """What is being done now, for a status bar."""
+
+@final
+class TriangleMesh:
+    """Triangles over shared vertices: any topology, several components, boundaries allowed."""
+
+    def __init__(self, vertices: _Floats, triangles: _Integers) -> None:
+        """vertices (V,3) and triangles (F,3); raises ValueError naming the first bad element."""
+    @staticmethod
+    def from_polygons(vertices: _Floats, loop_counts: _Integers, loop_indices: _Integers) -> TriangleMesh:
+        """Polygons as flat vertex indices; each polygon is cut into triangles at its best diagonals."""
+    @property
+    def vertices(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def triangles(self) -> npt.NDArray[np.uint32]: ...
+    @property
+    def components(self) -> npt.NDArray[np.uint32]:
+        """Component of each vertex (V,), numbered by their smallest vertex; loose vertices count."""
+    @property
+    def boundary_edges(self) -> npt.NDArray[np.uint32]:
+        """(E,2) vertex pairs used by exactly one triangle."""
+    @property
+    def non_manifold_edges(self) -> npt.NDArray[np.uint32]:
+        """(E,2) vertex pairs used by more than two triangles."""
+    @property
+    def degenerate_triangles(self) -> npt.NDArray[np.uint32]:
+        """Triangles with a repeated vertex or no area."""
+
+@final
+class Skeleton:
+    """Bones as head and tail points in the mesh's space; parents index bones, -1 is a root."""
+
+    def __init__(
+        self, heads: _Floats, tails: _Floats, parents: _Integers, names: Sequence[str] | None = None
+    ) -> None: ...
+    @property
+    def heads(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def tails(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def parents(self) -> npt.NDArray[np.int32]: ...
+    @property
+    def names(self) -> list[str] | None: ...
+    def __len__(self) -> int: ...
+
+@final
+class SkinWeights:
+    """Sparse weights, one row per vertex, one column per bone."""
+
+    @staticmethod
+    def from_dense(weights: _Floats) -> SkinWeights:
+        """weights (V,B), finite and not negative."""
+    @staticmethod
+    def from_triplets(
+        vertex: _Integers, bone: _Integers, value: _Floats, vertex_count: int, bone_count: int
+    ) -> SkinWeights:
+        """Entries (n,); values of a repeated pair are added."""
+    def to_dense(self) -> npt.NDArray[np.float32]:
+        """(V,B)."""
+    def to_triplets(self) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32], npt.NDArray[np.float32]]:
+        """vertex, bone and value of every entry above zero, ordered by vertex, then bone."""
+    def normalized(self) -> SkinWeights:
+        """Rows scaled to a sum of 1; a row without weights stays empty."""
+    @property
+    def vertex_count(self) -> int: ...
+    @property
+    def bone_count(self) -> int: ...
+
+@final
+class BiharmonicDistance:
+    """Biharmonic distance on a surface (eq. 17-19), infinite between components.
+
+    `between` uses a truncated eigenbasis, O(eigenpairs) for each pair; `from_vertex` is exact:
+    one column of the Green's function by two sparse solves.
+    """
+
+    def __init__(self, mesh: TriangleMesh, *, eigenpairs: int = 100, progress: Progress | None = None) -> None: ...
+    def between(self, i: _Integers, j: _Integers) -> npt.NDArray[np.float64]:
+        """Distances (n,) of the vertex pairs i[n], j[n]."""
+    def from_vertex(self, i: int) -> npt.NDArray[np.float64]:
+        """Distances (V,) of every vertex to vertex i."""
+    @property
+    def eigenvalues(self) -> npt.NDArray[np.float64]:
+        """Ascending, without the zero of each component."""
+
+def laplacian(
+    mesh: TriangleMesh,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Robust Laplace-Beltrami operator (tufted intrinsic Delaunay, Sharp & Crane 2020).
+
+    Returns the positive semi-definite stiffness matrix in CSC form as (data, indices, indptr) and
+    the lumped vertex areas (V,).
+    """
+
+def eigenpairs(
+    mesh: TriangleMesh, count: int, *, progress: Progress | None = None
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """The `count` smallest non-zero eigenpairs of the Laplacian: values (k,), mass-orthonormal vectors (V,k)."""
+
+@final
+class RetargetResult:
+    """What `retarget_weights` found."""
+
+    @property
+    def weights(self) -> SkinWeights:
+        """Weights of the target, columns in the order of the target's bones."""
+    @property
+    def correspondence(self) -> npt.NDArray[np.int64]:
+        """Source vertex matched to each target vertex (Vt,)."""
+    @property
+    def matched(self) -> npt.NDArray[np.bool_]:
+        """True where a vertex was matched by the surface, False where it was filled in (Vt,)."""
+    @property
+    def landmarks(self) -> npt.NDArray[np.int64]:
+        """Landmark pairs used (k,2): source vertex, target vertex."""
+
+def retarget_weights(
+    source: TriangleMesh,
+    source_weights: SkinWeights,
+    target: TriangleMesh,
+    *,
+    source_skeleton: Skeleton | None = None,
+    target_skeleton: Skeleton | None = None,
+    landmarks: _Integers | None = None,
+    method: Literal["auto", "paper"] = "auto",
+    max_influences: int | None = None,
+    eigenpairs: int = 100,
+    progress: Progress | None = None,
+) -> RetargetResult:
+    """Give `target` the weights of `source` (Algorithm 2).
+
+    landmarks (k,2) pairs a source vertex with a target vertex; without them both skeletons are
+    needed and landmarks are chosen on them: head, hands and knees of a biped, otherwise the end of
+    every chain. With both skeletons, bones are paired by name (by order where names are missing),
+    and matches are searched in the same region only (figure 3).
+    """
