@@ -15,6 +15,7 @@ pub mod mesh;
 pub mod progress;
 pub mod retarget;
 pub mod rig;
+pub mod skinning;
 pub mod spectral;
 
 /// Version of the library, the one that the wheel and the extension carry too.

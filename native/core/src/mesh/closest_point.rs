@@ -49,8 +49,8 @@ impl SurfaceQuery {
     /// Closest point of the surface; `None` only for a query that is not finite.
     #[must_use]
     pub fn closest_point(&self, query: DVec3) -> Option<ClosestPoint> {
-        let (triangle, projection, location) = CompositeShapeRef(&self.surface)
-            .project_local_point_and_get_location(query, f64::MAX, false)?;
+        let (triangle, projection, location) =
+            CompositeShapeRef(&self.surface).project_local_point_and_get_location(query, f64::MAX, false)?;
         Some(ClosestPoint {
             triangle,
             barycentric: location.barycentric_coordinates().unwrap_or([1.0, 0.0, 0.0]),
@@ -65,8 +65,7 @@ impl SurfaceQuery {
     pub fn cast_ray(&self, origin: DVec3, direction: DVec3) -> Option<RayHit> {
         let direction = direction.try_normalize()?;
         let ray = Ray::new(origin, direction);
-        let (triangle, distance) =
-            CompositeShapeRef(&self.surface).cast_local_ray(&ray, f64::MAX, false)?;
+        let (triangle, distance) = CompositeShapeRef(&self.surface).cast_local_ray(&ray, f64::MAX, false)?;
         Some(RayHit { triangle, position: origin + direction * distance, distance })
     }
 }
@@ -78,7 +77,8 @@ mod tests {
 
     fn octahedron() -> TriangleMesh {
         let vertices = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|v| [v, -v]).collect();
-        let triangles = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
+        let triangles =
+            [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
         TriangleMesh::new(vertices, triangles.to_vec()).unwrap()
     }
 

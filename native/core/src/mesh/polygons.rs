@@ -122,7 +122,8 @@ mod tests {
     fn concave_polygons_keep_their_area() {
         let arrow = polygon(&[[0.0, 0.0], [2.0, -1.0], [0.5, 0.0], [2.0, 1.0]]);
         assert!((arrow.area() - 0.5).abs() < 1e-12);
-        let comb = polygon(&[[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [3.0, 1.0], [2.0, 3.0], [1.0, 1.0], [0.0, 3.0]]);
+        let comb =
+            polygon(&[[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [3.0, 1.0], [2.0, 3.0], [1.0, 1.0], [0.0, 3.0]]);
         assert_eq!(comb.triangles().len(), 5);
         assert!((comb.area() - 8.0).abs() < 1e-12);
     }

@@ -11,15 +11,13 @@ pub struct Topology {
 }
 
 impl Topology {
-    /// Reads the topology of a mesh. An edge of a triangle that repeats a vertex joins nothing.
+    /// Reads the topology of a mesh. A triangle that repeats a vertex joins nothing.
     #[must_use]
     pub fn new(mesh: &TriangleMesh) -> Self {
         let mut sides: Vec<[u32; 2]> = Vec::with_capacity(3 * mesh.triangles().len());
         for &[a, b, c] in mesh.triangles() {
-            for (u, v) in [(a, b), (b, c), (c, a)] {
-                if u != v {
-                    sides.push([u.min(v), u.max(v)]);
-                }
+            if a != b && b != c && c != a {
+                sides.extend([(a, b), (b, c), (c, a)].map(|(u, v)| [u.min(v), u.max(v)]));
             }
         }
         sides.sort_unstable();

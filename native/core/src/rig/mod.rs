@@ -1,1 +1,9 @@
-//! rig
+//! Skeletons, the regions that they cut a surface into, and weights made from them (section 4.1).
+
+mod regions;
+mod segment;
+mod skeleton;
+
+pub use regions::{JOINT_RADIUS, Region, decompose, joint_radii};
+pub use segment::{closest_on_segment, distance_to_segment};
+pub use skeleton::{Skeleton, SkeletonError};
