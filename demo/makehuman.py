@@ -161,13 +161,13 @@ def interpolated_weights(character: Character, points: Floats) -> npt.NDArray[np
     barycentric[~np.isfinite(barycentric).all(axis=1)] = (1.0, 0.0, 0.0)
     barycentric = np.clip(barycentric, 0.0, None)
     weights = np.einsum("nk,nkb->nb", barycentric, character.weights[corners].astype(np.float64))
-    return (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+    return _normalized(weights)
 
 
 def triangulate(vertices: Floats, loop_counts: Integers, loop_indices: Integers) -> Integers:
     """(F,3) triangles of polygons; quads are cut along their shorter diagonal, others into fans."""
     starts = np.concatenate([[0], np.cumsum(loop_counts)])[:-1]
-    parts = []
+    parts: list[Integers] = []
     for count in np.unique(loop_counts):
         polygons = loop_indices[starts[loop_counts == count][:, None] + np.arange(count)]
         if count == 4:
@@ -239,9 +239,7 @@ def _read_json(name: str) -> dict[str, Any]:
     return content
 
 
-def _rig(
-    points: Floats, groups: dict[str, Integers]
-) -> tuple[tuple[str, ...], Integers, Floats, Floats, Floats]:
+def _rig(points: Floats, groups: dict[str, Integers]) -> tuple[tuple[str, ...], Integers, Floats, Floats, Floats]:
     """Names, parents, rolls, heads and tails of the game-engine rig fitted to a morphed base mesh."""
     bones = _read_json("rigs/standard/rig.game_engine.json")
     names: list[str] = []
@@ -279,4 +277,9 @@ def _rig_weights(names: tuple[str, ...], vertex_count: int) -> npt.NDArray[np.fl
         for vertex, value in painted.get(name, []):
             if vertex < vertex_count:
                 dense[vertex, column] += value
-    return (dense / dense.sum(axis=1, keepdims=True)).astype(np.float32)
+    return _normalized(dense)
+
+
+def _normalized(weights: Floats) -> npt.NDArray[np.float32]:
+    normalized: npt.NDArray[np.float32] = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+    return normalized

@@ -1,0 +1,44 @@
+# The one entrance for users and developers: `make help` lists what there is.
+
+.DEFAULT_GOAL := help
+MAKEFLAGS += --no-print-directory
+
+# The Python that .venv is made from. Override it with: make PYTHON=/path/to/python3.11 demo
+PYTHON ?= $(shell for python in python3.11 python3.13 python3; do \
+	if $$python -c 'import sys; sys.exit(sys.version_info[:2] not in [(3, 11), (3, 13)])' 2>/dev/null; \
+	then echo $$python; exit; fi; done; echo python3)
+VENV_PYTHON := .venv/bin/python
+
+.PHONY: help demo test wheel zip lint format clean environment
+
+help: ## List the targets
+	@grep -hE '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | \
+	while IFS="$$(printf '\t')" read -r target text; do printf '  make %-13s%s\n' "$$target" "$$text"; done
+
+demo: zip ## Retarget weights between two bodies in Blender; pictures, demo.blend and report.json in demo/
+	@$(VENV_PYTHON) demo/run.py
+
+test: zip ## Run all tests and linters (Rust, Python, inside Blender)
+	@$(VENV_PYTHON) scripts/run_tests.py
+
+lint: wheel ## Run the formatters' checks, the linters and the type checker alone
+	@$(VENV_PYTHON) scripts/run_tests.py lint
+
+format: environment ## Format all Rust and Python code
+	cargo fmt --all
+	$(VENV_PYTHON) -m ruff check --fix
+	$(VENV_PYTHON) -m ruff format
+
+wheel: environment ## Build the Python module of the Rust core into dist/ and install it into .venv
+	@$(VENV_PYTHON) scripts/build_wheel.py
+
+zip: wheel ## Build the Blender extension into dist/
+	@$(VENV_PYTHON) scripts/build_zip.py
+
+environment: ## Make .venv with everything that the other targets need (they call this themselves)
+	@"$(PYTHON)" scripts/setup_environment.py
+
+clean: ## Remove everything that make has made
+	rm -rf .venv .setup dist target demo/*.png demo/*.blend demo/*.blend1 demo/report.json
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
