@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Characters from mesh objects, and the results back onto them."""
+
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+
+from ..core.character import Source, Target
+from ..core.errors import InputError, listed
+from ..core.retarget import TargetWeights
+from .armature import attach_armature, check_attachable, find_armature, is_deformed, read_bones
+from .mesh import read_surface
+from .target_checks import check_writable
+from .transaction import restored_on_failure
+from .vertex_groups import read_groups, write_groups
+
+
+def source_armature(ob: bpy.types.Object) -> bpy.types.Object:
+    """The armature of the source; InputError when it has none."""
+    armature = find_armature(ob)
+    if armature is None:
+        raise InputError(f"The source '{ob.name}' has no armature.")
+    return armature
+
+
+def read_source(ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph, evaluated: bool) -> Source:
+    """The character that gives its weights."""
+    armature = source_armature(ob)
+    if not ob.vertex_groups:
+        raise InputError(f"The source '{ob.name}' has no vertex groups.")
+    bones = read_bones(armature, depsgraph if evaluated else None)
+    groups = read_groups(ob)
+    ignored = tuple(name for name in groups.names if name not in set(bones.names))
+    if len(ignored) == len(groups.names):
+        raise InputError(
+            f"No vertex group of '{ob.name}' ({listed(ignored)}) has the name of a deforming bone of '{armature.name}'."
+        )
+    return Source(
+        name=ob.name,
+        armature=armature.name,
+        surface=read_surface(ob, depsgraph, evaluated),
+        bones=bones,
+        weights=groups.of_bones(bones.names),
+        ignored_groups=ignored,
+    )
+
+
+def read_target(
+    ob: bpy.types.Object,
+    source: bpy.types.Object,
+    depsgraph: bpy.types.Depsgraph,
+    evaluated: bool,
+    landmarks: Sequence[tuple[int, int]],
+) -> Target:
+    """The character that gets weights, with its own armature or, where it has none, the source's."""
+    check_writable(ob)
+    own = find_armature(ob)
+    armature = own or source_armature(source)
+    check_attachable(ob, armature)
+    bones = read_bones(armature, depsgraph if evaluated and own is not None and is_deformed(ob) else None)
+    groups = read_groups(ob)
+    return Target(
+        name=ob.name,
+        armature=armature.name,
+        surface=read_surface(ob, depsgraph, evaluated),
+        bones=bones,
+        existing=groups.of_bones(bones.names),
+        locked=groups.locked_bones(bones.names),
+        landmarks=np.array(landmarks, np.int64).reshape(-1, 2) if landmarks else None,
+    )
+
+
+def write_targets(
+    source: bpy.types.Object,
+    objects: Sequence[bpy.types.Object],
+    targets: Sequence[Target],
+    results: Sequence[TargetWeights],
+) -> None:
+    """Write all results, or none: an exception leaves every object as it was."""
+    for ob, target in zip(objects, targets, strict=True):
+        check_writable(ob)
+        if len(ob.data.vertices) != len(target.surface.vertices):
+            raise InputError(f"'{ob.name}' was edited while its weights were being retargeted.")
+    with restored_on_failure(objects):
+        for ob, target, result in zip(objects, targets, results, strict=True):
+            write_groups(ob, target.bones.names, result.weights, result.replaced, result.groups)
+            attach_armature(ob, find_armature(ob) or source_armature(source))

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One retargeting from the scene and back into it: read, work in a thread, write."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+import bpy
+
+from ..core.errors import InputError
+from ..core.report import retarget_line, retarget_notes
+from ..core.retarget import RetargetSettings
+from ..core.task import RetargetTask
+from .retarget import read_source, read_target, write_targets
+
+# How often the main thread looks at the working one.
+POLL_SECONDS = 0.05
+
+
+@dataclass(frozen=True)
+class GeometryChoice:
+    """Whether the shape that is shown now is used instead of the rest shape."""
+
+    source_evaluated: bool = False
+    target_evaluated: bool = False
+
+
+class RetargetJob:
+    """Reads everything and checks it in the constructor; `finish` writes."""
+
+    def __init__(
+        self,
+        source: bpy.types.Object,
+        objects: Sequence[bpy.types.Object],
+        landmarks: Sequence[Sequence[tuple[int, int]]],
+        geometry: GeometryChoice,
+        settings: RetargetSettings,
+        depsgraph: bpy.types.Depsgraph,
+    ) -> None:
+        self._began = perf_counter()
+        self._source_object = source
+        self.objects = tuple(objects)
+        self._source = read_source(source, depsgraph, geometry.source_evaluated)
+        self._targets = [
+            read_target(ob, source, depsgraph, geometry.target_evaluated, pairs)
+            for ob, pairs in zip(objects, landmarks, strict=True)
+        ]
+        self.task = RetargetTask(self._source, self._targets, settings)
+
+    def run(self, show_progress: Callable[[float], None]) -> None:
+        """Work to the end; the thread that calls stays able to be interrupted."""
+        self.task.start()
+        try:
+            while not self.task.wait(POLL_SECONDS):
+                show_progress(self.task.fraction)
+        except BaseException:
+            self.task.cancel()
+            raise
+
+    def finish(self) -> tuple[str, list[str]]:
+        """Write the results; the line to report and notes on what was left out."""
+        results = self.task.result()
+        try:
+            write_targets(self._source_object, self.objects, self._targets, results)
+        except ReferenceError as error:
+            raise InputError("A mesh was removed while its weights were being retargeted.") from error
+        named = {target.name: result for target, result in zip(self._targets, results, strict=True)}
+        line = retarget_line(self._source, named, perf_counter() - self._began)
+        return line, retarget_notes(self._source, named)

@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether an object may be written to."""
+
+import bpy
+
+from ..core.errors import InputError, listed
+
+
+def check_writable(ob: bpy.types.Object) -> None:
+    """Raise InputError for linked data, library overrides and meshes that several objects use."""
+    for owner, what in ((ob, "object"), (ob.data, "mesh")):
+        if owner.library is not None:
+            raise InputError(
+                f"The {what} '{owner.name}' is linked from '{owner.library.filepath}' and cannot be changed: "
+                "use Object > Relations > Make Local first."
+            )
+        if owner.override_library is not None:
+            raise InputError(
+                f"The {what} '{owner.name}' is a library override, which cannot keep vertex groups: "
+                "use Object > Library Override > Clear or Make Local first."
+            )
+    users = [other.name for other in bpy.data.objects if other.data == ob.data]
+    if len(users) > 1:
+        raise InputError(
+            f"The mesh '{ob.data.name}' is used by {listed(users)}: "
+            "use Object > Relations > Make Single User > Object & Data first."
+        )

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All or nothing: what a failed write leaves behind is what was there before."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+import bpy
+from mathutils import Matrix
+
+from .vertex_groups import GroupWeights, read_groups, restore_groups
+
+
+@dataclass(frozen=True)
+class _State:
+    """What retargeting may change on an object."""
+
+    ob: bpy.types.Object
+    groups: GroupWeights
+    modifiers: tuple[str, ...]
+    active_modifier: str | None
+    parent: bpy.types.Object | None
+    parent_type: str
+    parent_bone: str
+    parent_inverse: Matrix
+
+    @classmethod
+    def of(cls, ob: bpy.types.Object) -> "_State":
+        active = ob.modifiers.active
+        return cls(
+            ob=ob,
+            groups=read_groups(ob),
+            modifiers=tuple(modifier.name for modifier in ob.modifiers),
+            active_modifier=None if active is None else active.name,
+            parent=ob.parent,
+            parent_type=ob.parent_type,
+            parent_bone=ob.parent_bone,
+            parent_inverse=ob.matrix_parent_inverse.copy(),
+        )
+
+    def restore(self) -> None:
+        ob = self.ob
+        for modifier in list(ob.modifiers):
+            if modifier.name not in self.modifiers:
+                ob.modifiers.remove(modifier)
+        if self.active_modifier is not None:
+            ob.modifiers.active = ob.modifiers[self.active_modifier]
+        if ob.parent != self.parent:
+            ob.parent = self.parent
+            ob.parent_type = self.parent_type
+            ob.parent_bone = self.parent_bone
+        ob.matrix_parent_inverse = self.parent_inverse
+        restore_groups(ob, self.groups)
+
+
+@contextmanager
+def restored_on_failure(objects: Sequence[bpy.types.Object]) -> Iterator[None]:
+    """Bring vertex groups, modifiers and parents of the objects back when the block raises."""
+    with ExitStack() as undo:
+        for ob in objects:
+            undo.callback(_State.of(ob).restore)
+        yield
+        undo.pop_all()

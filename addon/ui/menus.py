@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Entries in Blender's own menus."""
+
+import bpy
+
+from .retarget_weights import DERMIS_OT_retarget_weights
+
+
+def draw_retarget(menu, _context):
+    """Entry of Object > Link/Transfer Data and of Weight Paint > Weights."""
+    layout = menu.layout
+    layout.separator()
+    layout.operator_context = "INVOKE_DEFAULT"
+    layout.operator(DERMIS_OT_retarget_weights.bl_idname)
+
+
+def register() -> None:
+    """Append the entries."""
+    bpy.types.VIEW3D_MT_make_links.append(draw_retarget)
+    bpy.types.VIEW3D_MT_paint_weight.append(draw_retarget)
+
+
+def unregister() -> None:
+    """Remove the entries."""
+    bpy.types.VIEW3D_MT_paint_weight.remove(draw_retarget)
+    bpy.types.VIEW3D_MT_make_links.remove(draw_retarget)

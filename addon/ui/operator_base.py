@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The one way in which operators fail."""
+
+import logging
+from collections.abc import Callable
+
+from dermis_native import Cancelled
+
+from ..core.errors import InputError, sentence
+
+log = logging.getLogger(__name__)
+
+NOTHING_CHANGED = "Nothing was changed."
+
+
+class DermisOperator:
+    """Mixin for operators: `run` does the work, and an exception leaves it as one report."""
+
+    def execute(self, context):
+        """Run straight through."""
+        return self.guarded(lambda: self.run(context))
+
+    def guarded(self, step: Callable[[], set[str]]) -> set[str]:
+        """Take a step; turn what it raises into a report and CANCELLED."""
+        try:
+            return step()
+        except Cancelled:
+            self.report({"WARNING"}, f"Cancelled. {NOTHING_CHANGED}")
+        except InputError as error:
+            self.report({"ERROR"}, f"{sentence(str(error))} {NOTHING_CHANGED}")
+        except Exception as error:
+            log.exception("%s failed", self.bl_idname)
+            self.report(
+                {"ERROR"},
+                f"Unexpected {type(error).__name__}: {sentence(str(error))} {NOTHING_CHANGED} The console has details.",
+            )
+        return {"CANCELLED"}
