@@ -52,7 +52,7 @@ class Counts:
 def run_live(command: list[str], environment: dict[str, str] | None = None) -> tuple[int, str]:
     """Exit status and output of a command whose output is shown while it runs."""
     print(f"    $ {shlex.join(command)}", flush=True)
-    process = subprocess.Popen(
+    with subprocess.Popen(
         command,
         cwd=ROOT,
         env={**os.environ, **(environment or {})},
@@ -61,26 +61,24 @@ def run_live(command: list[str], environment: dict[str, str] | None = None) -> t
         text=True,
         errors="replace",
         start_new_session=True,
-    )
+    ) as process:
 
-    def end() -> None:
-        print(f"    no end after {SUITE_SECONDS} s: stopped", flush=True)
-        os.killpg(process.pid, signal.SIGKILL)
-
-    timer = threading.Timer(SUITE_SECONDS, end)
-    timer.start()
-    lines = []
-    try:
-        assert process.stdout is not None
-        for line in process.stdout:
-            print(line, end="", flush=True)
-            lines.append(line)
-        return process.wait(), "".join(lines)
-    finally:
-        timer.cancel()
-        if process.poll() is None:
+        def end() -> None:
+            print(f"    no end after {SUITE_SECONDS} s: stopped", flush=True)
             os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+
+        timer = threading.Timer(SUITE_SECONDS, end)
+        timer.start()
+        lines = []
+        try:
+            for line in process.stdout or ():
+                print(line, end="", flush=True)
+                lines.append(line)
+            return process.wait(), "".join(lines)
+        finally:
+            timer.cancel()
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
 
 
 def cargo_counts(output: str) -> Counts:
