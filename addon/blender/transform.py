@@ -20,9 +20,13 @@ def world_matrix(ob: bpy.types.Object) -> np.ndarray:
 
 
 def to_world(ob: bpy.types.Object, points: np.ndarray) -> np.ndarray:
-    """Points (n,3) of the object's space in world space, double precision."""
+    """Points (n,3) of the object's space in world space, double precision.
+
+    Points that are not finite stay so; what uses them names them.
+    """
     matrix = world_matrix(ob)
-    return points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    with np.errstate(invalid="ignore"):
+        return points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def is_mirrored(ob: bpy.types.Object) -> bool:

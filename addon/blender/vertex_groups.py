@@ -89,13 +89,13 @@ def write_groups(
             groups.new(name=bone_names[bone])
     if active >= 0:
         groups.active_index = active
+    found = ((bone, groups.get(name)) for bone, name in enumerate(bone_names))
+    unlocked = [(bone, group) for bone, group in found if group is not None and not group.lock_weight]
     clear = replaced.tolist()
-    for bone, name in enumerate(bone_names):
-        group = groups.get(name)
-        if group is None or group.lock_weight:
-            continue
-        if clear:
+    if clear:
+        for _, group in unlocked:
             group.remove(clear)
+    for bone, group in unlocked:
         mine = weights.bone == bone
         _add(group, weights.vertex[mine], weights.value[mine])
 

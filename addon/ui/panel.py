@@ -101,9 +101,9 @@ def _draw_character(layout, title, ob, hint):
 
 
 def _draw_text(layout, text, context):
-    """Text over as many lines as the sidebar's width needs."""
+    """Text over as many lines as the sidebar's width needs; Blender has no scale without a window."""
     width = context.region.width if context.region is not None else 300
-    characters = max(20, int(width / (context.preferences.system.ui_scale * 7)))
+    characters = max(20, int(width / (7 * (context.preferences.system.ui_scale or 1.0))))
     for line in textwrap.wrap(text, characters):
         layout.label(text=line)
 

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender as a module, with the built zip installed into a scratch profile.
+
+The tests see what a user sees: the extension in Blender's own folder, its native module from the
+wheel in the zip, real operators.
+"""
+
+import importlib.machinery
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from scratch_profile import MODULE, PROFILE  # isort: skip  (before bpy)
+
+import bpy
+
+DIST = Path(__file__).resolve().parent.parent / "dist"
+
+
+class OnlyFromTheProfile:
+    """Finds the native module in the profile alone, not where the environment may have it too."""
+
+    @staticmethod
+    def find_spec(name, _path=None, _target=None):
+        if name != "dermis_native":
+            return None
+        inside = [folder for folder in sys.path if folder.startswith(PROFILE)]
+        spec = importlib.machinery.PathFinder.find_spec(name, inside)
+        if spec is None:
+            raise ModuleNotFoundError(f"No module named {name!r} in the profile", name=name)
+        return spec
+
+
+def extension_zip() -> Path:
+    """The newest zip in dist/, or the one that DERMIS_ZIP names."""
+    chosen = os.environ.get("DERMIS_ZIP")
+    found = [Path(chosen)] if chosen else sorted(DIST.glob("dermis-*.zip"), key=lambda path: path.stat().st_mtime)
+    if not found:
+        pytest.exit("there is no dist/dermis-*.zip: run `make zip` first", returncode=3)
+    return found[-1]
+
+
+@pytest.fixture(scope="session")
+def addon():
+    """The installed and enabled extension: its package in Blender."""
+    sys.meta_path.insert(0, OnlyFromTheProfile)
+    status = bpy.ops.extensions.package_install_files(
+        filepath=str(extension_zip()), repo="user_default", enable_on_install=True, overwrite=True
+    )
+    assert status == {"FINISHED"}
+    assert MODULE in bpy.context.preferences.addons, "the zip was not installed: is it for this platform?"
+    return sys.modules[MODULE]
+
+
+@pytest.fixture(autouse=True)
+def empty_scene(addon):
+    """An empty file for each test; the extension stays enabled."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert MODULE in bpy.context.preferences.addons
+    return addon
+
+
+_status = 0
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(exitstatus):
+    global _status
+    _status = int(exitstatus)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure():
+    # Blender as a module hangs or crashes at exit while add-ons are enabled.
+    shutil.rmtree(PROFILE, ignore_errors=True)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(_status)

@@ -1,0 +1,9 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An empty profile for Blender, which reads the variable when it starts: import this before bpy."""
+
+import os
+import tempfile
+
+MODULE = "bl_ext.user_default.dermis"
+PROFILE = tempfile.mkdtemp(prefix="dermis-profile-")
+os.environ["BLENDER_USER_RESOURCES"] = PROFILE

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The extension as installed: where it comes from, what it registers, what it draws."""
+
+import sys
+
+import bpy
+import characters as c
+import pytest
+from scratch_profile import MODULE, PROFILE
+
+OPERATORS = ("retarget_weights", "landmark_add", "landmark_remove", "landmark_show", "landmark_clear")
+PANELS = ("DERMIS_PT_retarget", "DERMIS_PT_landmarks", "DERMIS_UL_landmarks")
+MENUS = ("VIEW3D_MT_make_links", "VIEW3D_MT_paint_weight")
+
+
+class Layout:
+    """Stands in for a panel's layout: takes every call, and checks what it names."""
+
+    def __init__(self, drawn):
+        self.drawn = drawn
+
+    def __setattr__(self, name, value):
+        if name != "drawn":
+            assert name in bpy.types.UILayout.bl_rna.properties, name
+        super().__setattr__(name, value)
+
+    def _nested(self, **_):
+        return Layout(self.drawn)
+
+    row = column = split = box = _nested
+
+    def separator(self):
+        self.drawn.append("separator")
+
+    def label(self, text="", icon="NONE"):
+        assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
+        self.drawn.append(text)
+
+    def prop(self, data, name, **_):
+        assert name in data.bl_rna.properties or name in data.__annotations__
+        self.drawn.append(name)
+
+    def operator(self, name, icon="NONE", **_):
+        group, _, operator = name.partition(".")
+        getattr(getattr(bpy.ops, group), operator).get_rna_type()
+        assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
+        self.drawn.append(name)
+
+    def template_list(self, kind, _id, data, name, active, active_name, **_):
+        assert hasattr(bpy.types, kind)
+        assert name in data.bl_rna.properties
+        assert active_name in active.bl_rna.properties
+        self.drawn.append(kind)
+
+
+class Drawn:
+    """A panel, menu or list that draws into a stand-in."""
+
+    def __init__(self):
+        self.layout = Layout([])
+
+
+def draw(panel):
+    stand_in = Drawn()
+    getattr(bpy.types, panel).draw(stand_in, bpy.context)
+    return stand_in.layout.drawn
+
+
+def test_everything_comes_from_the_zip():
+    assert sys.modules[MODULE].__file__.startswith(PROFILE)
+    assert sys.modules["dermis_native"].__file__.startswith(PROFILE)
+
+
+def entries(menu):
+    return [f for f in getattr(bpy.types, menu).draw._draw_funcs if f.__module__.startswith(MODULE)]
+
+
+def test_register_and_unregister_twice():
+    for _ in range(2):
+        assert bpy.ops.preferences.addon_disable(module=MODULE) == {"FINISHED"}
+        assert not any(hasattr(bpy.types, panel) for panel in PANELS)
+        assert not hasattr(bpy.types.Object, "dermis_retarget")
+        assert not any("dermis" in dir(bpy.ops) and name in dir(bpy.ops.dermis) for name in OPERATORS)
+        assert not any(entries(menu) for menu in MENUS)
+        assert bpy.ops.preferences.addon_enable(module=MODULE) == {"FINISHED"}
+        assert all(name in dir(bpy.ops.dermis) for name in OPERATORS)
+        assert all(hasattr(bpy.types, panel) for panel in PANELS)
+    source, _ = c.source_tube()
+    assert c.retarget(source, c.target_tube()) == {"FINISHED"}
+
+
+def test_menus():
+    for menu in MENUS:
+        (entry,) = entries(menu)
+        stand_in = Drawn()
+        entry(stand_in, bpy.context)
+        assert "dermis.retarget_weights" in stand_in.layout.drawn
+
+
+def test_operators_undo_and_have_descriptions():
+    for name in OPERATORS:
+        operator = getattr(bpy.ops.dermis, name).get_rna_type()
+        assert operator.description
+        for prop in operator.properties:
+            assert prop.identifier == "rna_type" or prop.description, prop.identifier
+        assert {"REGISTER", "UNDO"} <= getattr(bpy.ops.dermis, name).bl_options
+
+
+def test_panel_without_anything():
+    assert "dermis.retarget_weights" in draw("DERMIS_PT_retarget")
+    assert "Select one source and one target" in draw("DERMIS_PT_landmarks")
+
+
+def test_panel_with_source_and_targets():
+    source, _ = c.source_tube()
+    target = c.target_tube()
+    c.retarget(source, target)
+    shown = draw("DERMIS_PT_retarget")
+    assert {"Source", "SourceRig", "Target"} <= set(shown)
+    assert "146 vertices" in " ".join(shown)
+    assert "DERMIS_UL_landmarks" in draw("DERMIS_PT_landmarks")
+    c.activate(source, target, c.target_tube("Second"))
+    assert "2 meshes" in draw("DERMIS_PT_retarget")
+
+
+def test_landmark_list_draws_a_pair():
+    target = c.target_tube()
+    pair = target.dermis_retarget.landmarks.add()
+    drawn = []
+    bpy.types.DERMIS_UL_landmarks.draw_item(None, bpy.context, Layout(drawn), target, pair, 0, target, "", 0, 0)
+    assert drawn == ["name", "source_vertex", "target_vertex"]
+
+
+@pytest.mark.parametrize("problem", ["missing", "old"])
+def test_native_module_that_cannot_be_used(monkeypatch, problem):
+    """The add-on shows what to do instead of a traceback, and recovers."""
+    assert bpy.ops.preferences.addon_disable(module=MODULE) == {"FINISHED"}
+    if problem == "missing":
+        monkeypatch.setitem(sys.modules, "dermis_native", None)
+    else:
+        monkeypatch.setattr(sys.modules["dermis_native"], "__version__", "0.0.1")
+    assert bpy.ops.preferences.addon_enable(module=MODULE) == {"FINISHED"}
+    assert not hasattr(bpy.types, "DERMIS_PT_retarget")
+    lines = " ".join(draw("DERMIS_PT_missing_native"))
+    assert ("could not be loaded" if problem == "missing" else "found the native module 0.0.1") in lines
+    assert bpy.ops.preferences.addon_disable(module=MODULE) == {"FINISHED"}
+    assert not hasattr(bpy.types, "DERMIS_PT_missing_native")
+    monkeypatch.undo()
+    assert bpy.ops.preferences.addon_enable(module=MODULE) == {"FINISHED"}
+    assert hasattr(bpy.types, "DERMIS_PT_retarget")

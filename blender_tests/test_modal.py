@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operator in a window: a thread works, timer events watch it, ESC stops it."""
+
+import sys
+import threading
+from types import SimpleNamespace
+
+import bpy
+import characters as c
+import pytest
+from scratch_profile import MODULE
+
+
+class Manager:
+    """Stands in for the window manager of a window, which a module has not."""
+
+    def __init__(self):
+        self.timers, self.handlers, self.progress = [], [], []
+
+    def event_timer_add(self, _seconds, window):
+        self.timers.append(window)
+        return window
+
+    def event_timer_remove(self, timer):
+        self.timers.remove(timer)
+
+    def modal_handler_add(self, operator):
+        self.handlers.append(operator)
+
+    def progress_begin(self, *_):
+        self.progress.append("begin")
+
+    def progress_update(self, value):
+        self.progress.append(value)
+
+    def progress_end(self):
+        self.progress.append("end")
+
+
+class Context:
+    """The real context with a window."""
+
+    def __init__(self):
+        self.window, self.window_manager, self.status = "window", Manager(), "unset"
+        self.workspace = SimpleNamespace(status_text_set=lambda text: setattr(self, "status", text))
+
+    def __getattr__(self, name):
+        return getattr(bpy.context, name)
+
+
+@pytest.fixture
+def operator():
+    """The operator's Python half, with the default of each option."""
+    original = bpy.types.DERMIS_OT_retarget_weights
+    properties = bpy.ops.dermis.retarget_weights.get_rna_type().properties
+    values = {p.identifier: p.default for p in properties if p.identifier != "rna_type"}
+    methods = {}
+    for base in reversed([base for base in original.__mro__ if base.__module__.startswith(MODULE)]):
+        methods |= {name: value for name, value in vars(base).items() if callable(value)}
+    stand_in = type("StandIn", (), {**methods, "bl_idname": original.bl_idname})()
+    vars(stand_in).update(values, reports=[])
+    stand_in.report = lambda kind, text: stand_in.reports.append((*kind, text))
+    return stand_in
+
+
+@pytest.fixture
+def gate(monkeypatch):
+    """Retargeting that waits until it is let through or cancelled."""
+    module = sys.modules[f"{MODULE}.core.task"]
+    original, opened = module.retarget, threading.Event()
+
+    def waiting(source, target, settings, progress):
+        while not opened.wait(0.005):
+            if progress.cancelled:
+                raise module.Cancelled("cancelled")
+        return original(source, target, settings, progress)
+
+    monkeypatch.setattr(module, "retarget", waiting)
+    monkeypatch.setattr(sys.modules[f"{MODULE}.ui.retarget_weights"], "PATIENCE_SECONDS", 0.0)
+    yield opened
+    opened.set()
+
+
+def event(kind, value="NOTHING"):
+    return SimpleNamespace(type=kind, value=value)
+
+
+def until_ended(operator, context):
+    for _ in range(1000):
+        status = operator.modal(context, event("TIMER"))
+        if status != {"RUNNING_MODAL"}:
+            return status
+        operator._running.task.wait(0.01)
+    raise AssertionError("the modal operator does not end")
+
+
+@pytest.fixture
+def scene(monkeypatch):
+    monkeypatch.setattr(
+        sys.modules[f"{MODULE}.ui.retarget_weights"], "bpy", SimpleNamespace(app=SimpleNamespace(background=False))
+    )
+    source, _ = c.source_tube()
+    target = c.target_tube()
+    c.activate(source, target)
+    bpy.context.view_layer.update()
+    return target
+
+
+def test_ends_with_the_weights(operator, gate, scene):
+    context = Context()
+    before = c.state(scene)
+    assert operator.invoke(context, None) == {"RUNNING_MODAL"}
+    assert context.window_manager.handlers == [operator]
+    assert operator.modal(context, event("MOUSEMOVE")) == {"RUNNING_MODAL"}
+    assert operator.modal(context, event("TIMER")) == {"RUNNING_MODAL"}
+    assert "ESC" in context.status
+    assert c.state(scene) == before
+    gate.set()
+    assert until_ended(operator, context) == {"FINISHED"}
+    assert c.state(scene)["weights"] != before["weights"]
+    assert [kind for kind, _ in operator.reports] == ["INFO"]
+    assert context.status is None
+    assert context.window_manager.timers == []
+    assert context.window_manager.progress[-1] == "end"
+
+
+@pytest.mark.usefixtures("gate")
+def test_escape_changes_nothing(operator, scene):
+    context = Context()
+    before = c.state(scene)
+    assert operator.invoke(context, None) == {"RUNNING_MODAL"}
+    assert operator.modal(context, event("ESC", "PRESS")) == {"RUNNING_MODAL"}
+    assert until_ended(operator, context) == {"CANCELLED"}
+    assert operator.reports == [("WARNING", "Cancelled. Nothing was changed.")]
+    assert c.state(scene) == before
+    assert context.status is None
+    assert context.window_manager.timers == []
+
+
+@pytest.mark.usefixtures("gate", "scene")
+def test_blender_ends_the_operator(operator):
+    context = Context()
+    operator.invoke(context, None)
+    operator.cancel(context)
+    assert operator._running.task.wait(5)
+    assert context.window_manager.timers == []
+
+
+def test_target_removed_meanwhile(operator, gate, scene):
+    context = Context()
+    operator.invoke(context, None)
+    bpy.data.objects.remove(scene)
+    gate.set()
+    assert until_ended(operator, context) == {"CANCELLED"}
+    assert operator.reports == [
+        ("ERROR", "A mesh was removed while its weights were being retargeted. Nothing was changed.")
+    ]
+
+
+def test_target_edited_meanwhile(operator, gate, scene):
+    context = Context()
+    operator.invoke(context, None)
+    scene.data.vertices.add(1)
+    before = c.state(scene)
+    gate.set()
+    assert until_ended(operator, context) == {"CANCELLED"}
+    assert operator.reports == [
+        ("ERROR", "'Target' was edited while its weights were being retargeted. Nothing was changed.")
+    ]
+    assert c.state(scene) == before
+
+
+@pytest.mark.usefixtures("gate", "scene")
+def test_bad_input_ends_at_once(operator):
+    context = Context()
+    bpy.data.objects["Source"].vertex_groups.clear()
+    assert operator.invoke(context, None) == {"CANCELLED"}
+    assert operator.reports[0][0] == "ERROR"
+    assert context.window_manager.timers == []
