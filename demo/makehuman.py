@@ -137,6 +137,9 @@ def decimated(character: Character, triangle_count: int) -> Character:
         np.ascontiguousarray(triangles, dtype=np.int32),
         target_count=triangle_count,
     )
+    # Collapsing can leave two triangles back to back on the same three vertices: no surface, no shape.
+    _, first, copies = np.unique(np.sort(kept, axis=1), axis=0, return_inverse=True, return_counts=True)
+    kept = kept[copies[first.ravel()] == 1]
     used, corners = np.unique(kept, return_inverse=True)
     vertices = np.ascontiguousarray(vertices[used], dtype=np.float64)
     kept = np.asarray(corners, dtype=np.int64).reshape(-1, 3)

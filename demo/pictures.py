@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Rendered bodies with transparent surroundings become finished pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PIL import Image, ImageDraw, ImageFont
+
+BACKGROUND = (235, 236, 238)
+TEXT = (70, 74, 80)
+
+
+def flatten(path: Path) -> None:
+    """Put a rendered picture onto the background, in place."""
+    with Image.open(path) as rendered:
+        picture = Image.new("RGB", rendered.size, BACKGROUND)
+        picture.paste(rendered, mask=rendered.getchannel("A"))
+    picture.save(path, optimize=True)
+
+
+def contact_sheet(paths: list[Path], captions: list[str], target: Path, *, width: int = 420) -> None:
+    """The pictures in one row with a caption below each, in few colours so that the file stays small."""
+    font = ImageFont.load_default(size=17)
+    pictures = []
+    for path in paths:
+        with Image.open(path) as picture:
+            size = (width, round(picture.height * width / picture.width))
+            pictures.append(picture.convert("RGB").resize(size, Image.Resampling.LANCZOS))
+    sheet = Image.new("RGB", (width * len(pictures), pictures[0].height + 34), BACKGROUND)
+    draw = ImageDraw.Draw(sheet)
+    for column, (picture, caption) in enumerate(zip(pictures, captions, strict=True)):
+        sheet.paste(picture, (column * width, 0))
+        centre = (column * width + width // 2, sheet.height - 20)
+        draw.text(centre, caption, fill=TEXT, font=font, anchor="mm")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    sheet.quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(target, optimize=True)
