@@ -126,6 +126,8 @@ def build(target: Path, version: str, wheel_paths: list[Path]) -> None:
         run([*tool, "build", "--source-dir", str(stage), "--output-filepath", str(packed)])
         run([*tool, "validate", str(packed)])
         check_zip(packed, version)
+        for old in DIST.glob("dermis-*.zip"):
+            old.unlink()
         packed.replace(target)
 
 
