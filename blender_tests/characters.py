@@ -156,6 +156,14 @@ def retarget(source, *targets, **options):
     return bpy.ops.dermis.retarget_weights(**options)
 
 
+def add_landmarks(source, target, pairs):
+    """Landmark pairs (source vertex, target vertex) on the target."""
+    for source_vertex, target_vertex in pairs:
+        landmark = target.dermis_retarget.landmarks.add()
+        landmark.source_vertex, landmark.target_vertex = source_vertex, target_vertex
+    target.dermis_retarget.landmark_source = source
+
+
 def dense(ob, names):
     """Weights (V,B) of the groups with these names."""
     index = {ob.vertex_groups[name].index: i for i, name in enumerate(names) if name in ob.vertex_groups}

@@ -240,9 +240,7 @@ def test_one_bad_target_of_several_stops_all():
 def test_landmark_out_of_range(side):
     source, _ = c.source_tube()
     target = painted_target()
-    pair = target.dermis_retarget.landmarks.add()
-    pair.source_vertex, pair.target_vertex = (9999, 0) if side == 0 else (0, 9999)
-    target.dermis_retarget.landmark_source = source
+    c.add_landmarks(source, target, [(9999, 0) if side == 0 else (0, 9999)])
     name = ("Source", "Target")[side]
     failed(source, target, match=f"Landmark 1 names vertex 9999 of '{name}'")
 
@@ -305,9 +303,5 @@ def test_landmark_on_another_component():
     target = c.mesh_object(
         "Target", [*vertices, (2, 0, 0), (2, 1, 0), (2, 0, 1)], [*faces, (count, count + 1, count + 2)]
     )
-    kept = target.dermis_retarget
-    kept.landmark_source = source
-    for source_vertex, target_vertex in [(0, 0), (80, 60), (150, 140), (100, count)]:
-        pair = kept.landmarks.add()
-        pair.source_vertex, pair.target_vertex = source_vertex, target_vertex
-    failed(source, target, match="[Ll]andmark")
+    c.add_landmarks(source, target, [(0, 0), (80, 60), (150, 140), (100, count)])
+    failed(source, target, match=f"landmark .* target vertex {count} lies on another piece of the mesh")

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Landmark pairs: add from the selection, show, remove, clear, use."""
 
+import sys
+
 import bmesh
 import bpy
 import characters as c
-import numpy as np
 import pytest
+from scratch_profile import MODULE
 
 
 @pytest.fixture
@@ -102,10 +104,7 @@ def test_add_needs_one_target(pair):
 
 def test_show_remove_clear(pair):
     source, target = pair
-    for vertices in ((5, 7), (60, 70), (150, 140)):
-        landmark = target.dermis_retarget.landmarks.add()
-        landmark.source_vertex, landmark.target_vertex = vertices
-    target.dermis_retarget.landmark_source = source
+    c.add_landmarks(source, target, [(5, 7), (60, 70), (150, 140)])
     target.dermis_retarget.active_landmark = 1
     target.data.vertices[70].hide = True
     assert bpy.ops.dermis.landmark_show() == {"FINISHED"}
@@ -133,18 +132,20 @@ def test_show_a_vertex_that_is_gone(pair):
     assert source.mode == "OBJECT"
 
 
-def test_landmarks_are_used(pair):
-    """Landmarks that turn the tube upside down turn the weights upside down."""
+def test_landmarks_are_used(pair, monkeypatch):
     source, target = pair
-    heights = [np.array([v.co for v in ob.data.vertices]) for ob in pair]
-    flipped = heights[1] * (1, -1, -1) + (0, 0, 3)
-    for vertex in (0, 4, 30, 50, 77, 100, 120, 144, 145):
-        landmark = target.dermis_retarget.landmarks.add()
-        landmark.target_vertex = vertex
-        landmark.source_vertex = int(np.linalg.norm(heights[0] - flipped[vertex], axis=1).argmin())
-    target.dermis_retarget.landmark_source = source
-    assert c.retarget(source, target, method="PAPER") == {"FINISHED"}
-    weights = c.dense(target, ["lower", "middle", "upper"])
-    np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-6)
-    assert weights[145].argmax() == 0
-    assert weights[144].argmax() == 2
+    given = [(0, 0), (30, 20), (100, 120), (156, 144), (157, 145)]
+    c.add_landmarks(source, target, given)
+    module = sys.modules[f"{MODULE}.core.retarget"]
+    original, received = module.retarget_weights, []
+
+    def watched(*arguments, landmarks, **options):
+        received.append(landmarks)
+        return original(*arguments, landmarks=landmarks, **options)
+
+    monkeypatch.setattr(module, "retarget_weights", watched)
+    assert c.retarget(source, target) == {"FINISHED"}
+    assert [tuple(row) for row in received[0].tolist()] == given
+    assert "5 landmarks" in target.dermis_retarget.result
+    assert c.retarget(source, target, use_landmarks=False) == {"FINISHED"}
+    assert received[1] is None

@@ -13,11 +13,11 @@ def retarget_line(source: Source, results: dict[str, TargetWeights], seconds: fl
     values = list(results.values())
     to = f"'{next(iter(results))}'" if len(results) == 1 else counted(len(results), "mesh", "meshes")
     vertices = sum(len(value.replaced) for value in values)
-    bones = {bone for value in values for bone in value.groups}
     parts = [
         counted(vertices, "vertex", "vertices"),
-        counted(len(bones) if len(values) == 1 else max(len(value.groups) for value in values), "bone"),
+        counted(max(len(value.groups) for value in values), "bone"),
         f"at most {counted(max(value.influences for value in values), 'influence')}",
+        counted(sum(value.landmarks for value in values), "landmark"),
         f"{sum(value.matched for value in values):,} matched",
         f"{sum(value.filled for value in values):,} filled",
         f"{seconds:.2f} s",
