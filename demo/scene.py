@@ -166,7 +166,7 @@ def build_studio(height: float, width: float) -> None:
 
     render.engine = "CYCLES"
     scene.cycles.device = "CPU"
-    scene.cycles.samples = 16
+    scene.cycles.samples = 12
     scene.cycles.use_denoising = True
     scene.cycles.max_bounces = 2
     render.film_transparent = True
