@@ -20,8 +20,9 @@ class DERMIS_UL_landmarks(bpy.types.UIList):
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
         """Draw one pair."""
-        row = layout.row(align=True)
-        row.prop(item, "name", text="", emboss=False, icon="PMARKER_ACT")
+        split = layout.split(factor=0.5, align=True)
+        split.prop(item, "name", text="", emboss=False, icon="PMARKER_ACT")
+        row = split.row(align=True)
         row.prop(item, "source_vertex", text="", emboss=False)
         row.prop(item, "target_vertex", text="", emboss=False)
 
