@@ -21,6 +21,8 @@ def rich_target(name):
     target.vertex_groups["Mask"].lock_weight = True
     target.vertex_groups.active_index = 1
     target.modifiers.new("Smooth", "SMOOTH")
+    if name == "B":
+        target.modifiers.new("Lost", "ARMATURE")
     target.modifiers.new("Subdivision", "SUBSURF")
     target.modifiers.active = target.modifiers["Smooth"]
     target.dermis_retarget.result = "earlier"

@@ -132,6 +132,17 @@ def test_show_a_vertex_that_is_gone(pair):
     assert source.mode == "OBJECT"
 
 
+def test_show_a_hidden_mesh(pair):
+    source, target = pair
+    c.add_landmarks(source, target, [(1, 2)])
+    selected = list(bpy.context.selected_objects)
+    with bpy.context.temp_override(selected_objects=selected, active_object=source):
+        target.hide_viewport = True
+        with pytest.raises(RuntimeError, match="'Target' is hidden"):
+            bpy.ops.dermis.landmark_show()
+    assert source.mode == "OBJECT"
+
+
 def test_landmarks_are_used(pair, monkeypatch):
     source, target = pair
     given = [(0, 0), (30, 20), (100, 120), (156, 144), (157, 145)]

@@ -75,6 +75,14 @@ def test_armature_modifier_goes_before_subdivision():
     assert [m.type for m in target.modifiers] == ["MIRROR", "ARMATURE", "SUBSURF"]
 
 
+def test_armature_modifier_without_armature_is_used():
+    source, rig = c.source_tube()
+    target = c.target_tube()
+    target.modifiers.new("Lost", "ARMATURE")
+    assert c.retarget(source, target) == {"FINISHED"}
+    assert [(m.name, m.object) for m in target.modifiers] == [("Lost", rig)]
+
+
 def test_target_moves_with_the_pose():
     source, rig = c.source_tube()
     target = c.target_tube()

@@ -79,7 +79,7 @@ def check_attachable(ob: bpy.types.Object, armature: bpy.types.Object) -> None:
 def attach_armature(ob: bpy.types.Object, armature: bpy.types.Object) -> None:
     """Let the armature deform the object: a modifier, and a parent where the object has none.
 
-    The object stays where it is in the world.
+    An Armature modifier that has no armature gets this one. The object stays where it is.
     """
     check_attachable(ob, armature)
     if is_deformed(ob):
@@ -88,8 +88,11 @@ def attach_armature(ob: bpy.types.Object, armature: bpy.types.Object) -> None:
         ob.parent = armature
         ob.parent_type = "OBJECT"
         ob.matrix_parent_inverse = armature.matrix_world.inverted()
-    modifier = ob.modifiers.new(MODIFIER_NAME, "ARMATURE")
-    modifier.object = armature
+    empty = next((m for m in ob.modifiers if m.type == "ARMATURE"), None)
+    if empty is not None:
+        empty.object = armature
+        return
+    ob.modifiers.new(MODIFIER_NAME, "ARMATURE").object = armature
     first = next((i for i, m in enumerate(ob.modifiers) if m.type in SUBDIVIDING), None)
     if first is not None:
         ob.modifiers.move(len(ob.modifiers) - 1, first)

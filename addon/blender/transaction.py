@@ -17,6 +17,7 @@ class _State:
 
     ob: bpy.types.Object
     groups: GroupWeights
+    armatures: dict[str, bpy.types.Object | None]
     modifiers: tuple[str, ...]
     active_modifier: str | None
     parent: bpy.types.Object | None
@@ -30,6 +31,7 @@ class _State:
         return cls(
             ob=ob,
             groups=read_groups(ob),
+            armatures={modifier.name: modifier.object for modifier in ob.modifiers if modifier.type == "ARMATURE"},
             modifiers=tuple(modifier.name for modifier in ob.modifiers),
             active_modifier=None if active is None else active.name,
             parent=ob.parent,
@@ -43,6 +45,8 @@ class _State:
         for modifier in list(ob.modifiers):
             if modifier.name not in self.modifiers:
                 ob.modifiers.remove(modifier)
+        for name, armature in self.armatures.items():
+            ob.modifiers[name].object = armature
         if self.active_modifier is not None:
             ob.modifiers.active = ob.modifiers[self.active_modifier]
         if ob.parent != self.parent:

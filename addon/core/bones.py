@@ -35,7 +35,7 @@ def pair_bones(source: Source, target: Target) -> BonePairs:
         other = f"only '{target.armature}' has {listed(only_in_target)}" if only_in_target else "it has no others"
         raise InputError(
             f"The bones do not match: '{target.armature}' of '{target.name}' lacks {listed(lost)}, "
-            f"which '{source.name}' uses; {other}."
+            f"which '{source.name}' uses; {other}. Rename or add bones so that both have the same names."
         )
     common = [i for i, name in enumerate(target.bones.names) if name in source_index]
     return BonePairs(

@@ -102,7 +102,7 @@ def retarget(source: Source, target: Target, settings: RetargetSettings, progres
     except (Cancelled, InputError):
         raise
     except (DermisError, ValueError) as error:
-        raise InputError(f"'{target.name}' cannot be given the weights of '{source.name}': {error}.") from error
+        raise InputError(f"'{target.name}' cannot be given the weights of '{source.name}': {_plain(error)}.") from error
     return _merged(target, pairs, found, settings)
 
 
@@ -140,7 +140,12 @@ def _native_mesh(name: str, surface: Surface) -> TriangleMesh:
     try:
         return TriangleMesh.from_polygons(surface.vertices, surface.loop_counts, surface.loop_indices)
     except (DermisError, ValueError) as error:
-        raise InputError(f"The surface of '{name}' cannot be used: {error}.") from error
+        raise InputError(f"The surface of '{name}' cannot be used: {_plain(error)}.") from error
+
+
+def _plain(error: Exception) -> str:
+    """The error's message as the end of a sentence."""
+    return str(error).strip().rstrip(".")
 
 
 def _native_skeleton(bones: Bones) -> Skeleton:

@@ -27,6 +27,10 @@ class DERMIS_OT_landmark_show(LandmarkOperator, bpy.types.Operator):
         for ob, vertex in vertices:
             if vertex >= len(ob.data.vertices):
                 raise InputError(f"Landmark '{pair.name}' names vertex {vertex}, which '{ob.name}' does not have.")
+            if ob.library is not None or ob.data.library is not None:
+                raise InputError(f"'{ob.name}' is linked and cannot enter Edit Mode.")
+            if not ob.visible_get():
+                raise InputError(f"'{ob.name}' is hidden.")
         source.select_set(True)
         if any(ob.mode != "EDIT" for ob, _ in vertices):
             bpy.ops.object.mode_set(mode="OBJECT")
