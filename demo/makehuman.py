@@ -33,6 +33,7 @@ AVERAGE: dict[str, float] = {}
 YOUNG_MALE = {"gender": 1.0}
 CHILD = {"age": 0.1875}
 HEAVY = {"gender": 1.0, "age": 0.6, "weight": 1.0, "height": 0.45}
+OLD_WOMAN = {"gender": 0.0, "age": 0.9, "weight": 0.7}
 
 RACES = ("african", "asian", "caucasian")
 DECIMETRE = 0.1  # the base mesh's unit in metres

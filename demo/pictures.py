@@ -19,9 +19,9 @@ def flatten(path: Path) -> None:
     picture.save(path, optimize=True)
 
 
-def contact_sheet(paths: list[Path], captions: list[str], target: Path, *, width: int = 420) -> None:
-    """The pictures in one row with a caption below each, in few colours so that the file stays small."""
-    font = ImageFont.load_default(size=17)
+def contact_sheet(paths: list[Path], captions: list[str], target: Path, *, width: int = 340) -> None:
+    """The pictures in one row with a caption below each."""
+    font = ImageFont.load_default(size=15)
     pictures = []
     for path in paths:
         with Image.open(path) as picture:
@@ -34,4 +34,4 @@ def contact_sheet(paths: list[Path], captions: list[str], target: Path, *, width
         centre = (column * width + width // 2, sheet.height - 20)
         draw.text(centre, caption, fill=TEXT, font=font, anchor="mm")
     target.parent.mkdir(parents=True, exist_ok=True)
-    sheet.quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(target, optimize=True)
+    sheet.save(target, optimize=True)

@@ -34,6 +34,7 @@ import scene
 FOLDER = Path(__file__).resolve().parent
 README_PICTURE = FOLDER.parent / "docs" / "images" / "retarget.png"
 BODIES = {
+    "old_woman": makehuman.OLD_WOMAN,
     "heavy": makehuman.HEAVY,
     "child": makehuman.CHILD,
     "average": makehuman.AVERAGE,
@@ -140,8 +141,9 @@ def table(report: dict[str, Any]) -> str:
 def parse_arguments() -> argparse.Namespace:
     """What to run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--target", choices=BODIES, default="heavy", help="body of the target")
+    parser.add_argument("--target", choices=BODIES, default="old_woman", help="body of the target")
     parser.add_argument("--method", choices=["auto", "paper"], default="auto", help="method of the operator")
+    parser.add_argument("--no-render", action="store_true", help="leave out the pictures")
     parser.add_argument("--docs", action="store_true", help="renew the picture in the README")
     return parser.parse_args()
 
@@ -171,7 +173,7 @@ def main(arguments: argparse.Namespace) -> None:
         poses.key_poses(body.parent, body)
     scene.build_studio(height=1.95, width=2.5)
     rendering = time.perf_counter()
-    paths = render_all(source, target)
+    paths = [] if arguments.no_render else render_all(source, target)
     rendered = time.perf_counter() - rendering
 
     bpy.context.scene.frame_set(1)
@@ -201,14 +203,14 @@ def main(arguments: argparse.Namespace) -> None:
         "seconds": {"retarget": seconds, "render": rendered, "total": time.perf_counter() - start},
     }
     (FOLDER / "report.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-    if arguments.docs:
+    if arguments.docs and paths:
         chosen = [
             FOLDER / "weights.png",
             *(path for path in paths if path.stem.startswith("pose_") and path != paths[0]),
         ]
         captions = ["weights: source, target", *(f"pose: {path.stem.split('_')[-1]}" for path in chosen[1:])]
         pictures.contact_sheet(chosen, captions, README_PICTURE)
-    say("Done: demo/*.png, demo/demo.blend, demo/report.json")
+    say(f"Done: {'demo/*.png, ' if paths else ''}demo/demo.blend, demo/report.json")
     print(table(report), flush=True)
 
 
