@@ -1,0 +1,195 @@
+//! Sparse factorisation `P A Pᵀ = L D Lᵀ` with unit lower triangular L and diagonal D, without
+//! pivoting, and triangular solves with eight right-hand sides at once.
+
+use std::sync::Arc;
+
+use faer::Par;
+use faer::dyn_stack::MemStack;
+use faer::linalg::cholesky::ldlt::factor::{LdltError, LdltRegularization};
+use faer::sparse::linalg::cholesky::supernodal;
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use rayon::prelude::*;
+
+use super::error::LinalgError;
+use super::lanes::{Block, Lanes, vectorized};
+use super::sparse::SymmetricMatrix;
+use super::symbolic::{Subtree, Symbolic, allocate};
+use super::triangular::{Backward, Forward};
+
+/// Values of L and D in the layout of the supernodes: each one is a column-major matrix of its
+/// columns' rows followed by the rows below, with D on the diagonal.
+#[derive(Debug, Clone)]
+pub(super) struct LdlFactor {
+    symbolic: Arc<Symbolic>,
+    values: Vec<f64>,
+}
+
+/// A pivot was exactly zero, or the factor overflowed.
+pub(super) struct Breakdown {
+    /// Column of the input matrix.
+    pub(super) column: usize,
+    pub(super) pivot: f64,
+}
+
+impl LdlFactor {
+    /// Factors a matrix with the analysed pattern. The inner result is an error when elimination
+    /// breaks down.
+    pub(super) fn new(
+        symbolic: &Arc<Symbolic>,
+        matrix: &SymmetricMatrix,
+    ) -> Result<Result<Self, Breakdown>, LinalgError> {
+        const WHAT: &str = "sparse factorisation";
+        symbolic.check_pattern(matrix)?;
+        let size = symbolic.size();
+        let mut values: Vec<f64> = Vec::new();
+        let entries = symbolic.supernodes.len_val();
+        values.try_reserve_exact(entries).map_err(|_| LinalgError::OutOfMemory { what: WHAT })?;
+        values.resize(entries, 0.0);
+        let lower: Vec<f64> = symbolic.lower_source.iter().map(|&at| matrix.values()[at]).collect();
+        let lower = SparseColMatRef::new(
+            SymbolicSparseColMatRef::new_checked(
+                size,
+                size,
+                &symbolic.lower_starts,
+                None,
+                &symbolic.lower_rows,
+            ),
+            &lower,
+        );
+        let scratch = supernodal::factorize_supernodal_numeric_ldlt_scratch::<usize, f64>(
+            &symbolic.supernodes,
+            Par::Seq,
+            Default::default(),
+        );
+        let mut memory = allocate(scratch, WHAT)?;
+        let outcome = supernodal::factorize_supernodal_numeric_ldlt(
+            &mut values,
+            lower,
+            LdltRegularization::default(),
+            &symbolic.supernodes,
+            // A parallel elimination would add in an order that depends on the threads.
+            Par::Seq,
+            MemStack::new(&mut memory),
+            Default::default(),
+        );
+        if let Err(LdltError::ZeroPivot { index }) = outcome {
+            return Ok(Err(Breakdown { column: symbolic.original[index], pivot: 0.0 }));
+        }
+        let factor = Self { symbolic: Arc::clone(symbolic), values };
+        for (column, pivot) in factor.pivots().enumerate() {
+            if !pivot.is_finite() || pivot == 0.0 {
+                return Ok(Err(Breakdown { column: symbolic.original[column], pivot }));
+            }
+        }
+        Ok(Ok(factor))
+    }
+
+    pub(super) fn symbolic(&self) -> &Arc<Symbolic> {
+        &self.symbolic
+    }
+
+    /// Values of one supernode: column-major, its columns' rows first, D on the diagonal.
+    #[inline]
+    pub(super) fn supernode(&self, supernode: usize) -> &[f64] {
+        &self.values[self.symbolic.values(supernode)]
+    }
+
+    /// The diagonal of D, in permuted order.
+    pub(super) fn pivots(&self) -> impl Iterator<Item = f64> + '_ {
+        (0..self.symbolic.supernodes.n_supernodes()).flat_map(move |supernode| {
+            let width = self.symbolic.columns(supernode).len();
+            let height = width + self.symbolic.rows(supernode).len();
+            let values = self.supernode(supernode);
+            (0..width).map(move |at| values[at * (height + 1)])
+        })
+    }
+
+    /// The diagonal of |L| |D| |L|ᵀ, in permuted order.
+    pub(super) fn row_sizes(&self) -> Vec<f64> {
+        let mut sizes = vec![0.0; self.symbolic.size()];
+        for supernode in 0..self.symbolic.supernodes.n_supernodes() {
+            let columns = self.symbolic.columns(supernode);
+            let rows = self.symbolic.rows(supernode);
+            let height = columns.len() + rows.len();
+            for (at, values) in self.supernode(supernode).chunks_exact(height).enumerate() {
+                let pivot = values[at].abs();
+                sizes[columns.start + at] += pivot;
+                let below = (columns.start + at + 1..columns.end).chain(rows.iter().copied());
+                for (row, value) in below.zip(&values[at + 1..]) {
+                    sizes[row] += value * value * pivot;
+                }
+            }
+        }
+        sizes
+    }
+
+    /// Replaces eight right-hand sides by their solutions; rows are in permuted order.
+    pub(super) fn solve(&self, block: &mut [Lanes]) {
+        let schedule = &self.symbolic.schedule;
+        // Each subtree adds what it owes to the rows above into memory of its own; the sums are
+        // then taken over in the fixed order of the subtrees.
+        let owed: Vec<Block> = self
+            .split(block)
+            .into_par_iter()
+            .map(|(subtree, own, _)| {
+                let mut owed = vec![Lanes::ZERO; subtree.outside.len()];
+                vectorized(Forward {
+                    factor: self,
+                    supernodes: subtree.supernodes.clone(),
+                    own,
+                    start: subtree.columns.start,
+                    outside: &mut owed,
+                });
+                owed
+            })
+            .collect();
+        for (subtree, owed) in schedule.subtrees.iter().zip(&owed) {
+            for (&row, owed) in subtree.outside.iter().zip(owed) {
+                block[row].add(owed);
+            }
+        }
+        vectorized(Forward {
+            factor: self,
+            supernodes: schedule.top.iter().copied(),
+            own: block,
+            start: 0,
+            outside: &mut [],
+        });
+        vectorized(Backward {
+            factor: self,
+            supernodes: schedule.top.iter().rev().copied(),
+            own: block,
+            start: 0,
+            outside: &[],
+        });
+        let known: Vec<Block> = schedule
+            .subtrees
+            .iter()
+            .map(|subtree| subtree.outside.iter().map(|&row| block[row]).collect())
+            .collect();
+        self.split(block).into_par_iter().for_each(|(subtree, own, at)| {
+            vectorized(Backward {
+                factor: self,
+                supernodes: subtree.supernodes.clone().rev(),
+                own,
+                start: subtree.columns.start,
+                outside: &known[at],
+            });
+        });
+    }
+
+    /// The rows that belong to each subtree.
+    fn split<'a>(&'a self, block: &'a mut [Lanes]) -> Vec<(&'a Subtree, &'a mut [Lanes], usize)> {
+        let mut rest = block;
+        let mut start = 0;
+        let mut parts = Vec::with_capacity(self.symbolic.schedule.subtrees.len());
+        for (at, subtree) in self.symbolic.schedule.subtrees.iter().enumerate() {
+            let (_, tail) = rest.split_at_mut(subtree.columns.start - start);
+            let (own, tail) = tail.split_at_mut(subtree.columns.len());
+            rest = tail;
+            start = subtree.columns.end;
+            parts.push((subtree, own, at));
+        }
+        parts
+    }
+}

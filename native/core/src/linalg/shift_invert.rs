@@ -1,0 +1,210 @@
+//! Shift-invert block Lanczos iteration for the smallest eigenpairs.
+//!
+//! The part of the spectrum of B next to a shift σ is the dominant one of (B − σ)⁻¹ (Ericsson &
+//! Ruhe 1980; Grimes, Lewis & Simon 1994). The iteration ends when enough pairs have converged,
+//! are followed by a gap, and are as many as the inertia of B minus a shift in that gap says.
+
+use super::cholesky::{Cholesky, SymbolicCholesky, factor_indefinite, negative_pivots};
+use super::eigen::{Problem, Progress, Solution};
+use super::error::LinalgError;
+use super::lanczos::{BlockLanczos, Ritz};
+use super::lanes::{Block, Lanes, WIDTH};
+
+/// Applications of the shifted inverse per step of the iteration. Two need more solves than one
+/// but a basis smaller by a quarter, and orthogonalisation grows with its square.
+const POWER: i32 = 2;
+
+/// Distance of the shift below zero, as a fraction of the estimated largest wanted eigenvalue:
+/// small, so that the wanted end of the spectrum is spread out, but enough for a well conditioned
+/// matrix.
+const SHIFT: f64 = 0.03;
+
+/// Residual, relative to the eigenvalue, at which a pair counts as converged.
+const CONVERGED: f64 = 1e-10;
+
+/// Residual at which an eigenvalue is known well enough to place a shift below it.
+const LOCATED: f64 = 1e-3;
+
+/// Smallest relative gap above the last pair in which the eigenvalues can be counted.
+const GAP: f64 = 1e-7;
+
+/// Attempts to find pairs that the count shows to be missing.
+const ATTEMPTS: usize = 6;
+
+/// When the iteration has not converged, problems up to this size are solved dense.
+const DENSE_FALLBACK: usize = 4096;
+
+/// Seed of the start block.
+const SEED: u64 = 0x0de2_315e_ed00_0001;
+
+impl Problem<'_> {
+    /// The smallest eigenpairs by block Lanczos iteration from a random block, or from `start`
+    /// (rows in the matrix's order). `None` when a dense solver is the better choice.
+    pub(super) fn solve_sparse(
+        &self,
+        pairs: usize,
+        start: Option<&Block>,
+        progress: &mut Progress,
+    ) -> Result<Option<Solution>, LinalgError> {
+        let size = self.matrix.size();
+        let symbolic = SymbolicCholesky::new(self.matrix)?;
+        progress.report(0.03)?;
+        let (shift, factor) = self.shifted_factor(&symbolic, pairs)?;
+        progress.report(0.08)?;
+        let original = &symbolic.inner().original;
+        let operator = |block: &mut [Lanes]| {
+            for _ in 0..POWER {
+                factor.ldl().solve(block);
+            }
+        };
+        let mut lanczos = BlockLanczos::new(size, self.null_blocks(original), self.null.len(), SEED);
+        let started = match start {
+            Some(start) => lanczos.add_block(original.iter().map(|&index| start[index]).collect()),
+            None => lanczos.add_random_block(operator),
+        };
+        let mut room = started;
+        let mut target = pairs + pairs / 2 + 4 * WIDTH;
+        let mut attempts = 0;
+        while room && target < 6 * pairs + 64 * WIDTH {
+            while room && lanczos.dimension() < target {
+                let done = lanczos.dimension() as f64 / (2.5 * pairs as f64 + 64.0);
+                progress.report(0.08 + 0.8 * done.min(1.0))?;
+                room = lanczos.step(operator);
+            }
+            if !room {
+                break;
+            }
+            let ritz = lanczos.ritz()?;
+            let Some(found) = Found::new(&ritz, shift, pairs) else {
+                target += (target / 12).max(2 * WIDTH);
+                continue;
+            };
+            progress.report(0.9)?;
+            let (below, count) = self.count(&symbolic, found.gap)?;
+            let expected = count.saturating_sub(self.null.len());
+            if expected == found.below_gap {
+                let vectors = lanczos.vectors(&ritz, &found.order[..pairs]);
+                let vectors = vectors.iter().map(|block| to_original_order(block, original)).collect();
+                return Ok(Some((found.values[..pairs].to_vec(), vectors)));
+            }
+            attempts += 1;
+            if attempts == ATTEMPTS {
+                return Err(LinalgError::MissingPairs { expected, found: found.below_gap, below });
+            }
+            room = lanczos.add_random_block(operator);
+            target += (target / 8).max(4 * WIDTH);
+        }
+        if size <= DENSE_FALLBACK { Ok(None) } else { Err(LinalgError::NoConvergence { size }) }
+    }
+
+    /// The null space in blocks of eight, rows in permuted order.
+    fn null_blocks(&self, original: &[usize]) -> Vec<Block> {
+        self.null
+            .chunks(WIDTH)
+            .map(|vectors| {
+                let mut block = vec![Lanes::ZERO; original.len()];
+                for (row, &index) in block.iter_mut().zip(original) {
+                    for (lane, vector) in vectors.iter().enumerate() {
+                        row[lane] = vector[index];
+                    }
+                }
+                block
+            })
+            .collect()
+    }
+
+    /// A shift just below the spectrum, and the factor of the shifted matrix.
+    fn shifted_factor(
+        &self,
+        symbolic: &SymbolicCholesky,
+        pairs: usize,
+    ) -> Result<(f64, Cholesky), LinalgError> {
+        // On a surface a diagonal entry of B is about 3.5 / area of the vertex, and by Weyl's law
+        // there are area · λ / 4π eigenvalues below λ. Only speed depends on this estimate.
+        let diagonal = self.matrix.diagonal();
+        let mut sorted: Vec<f64> = diagonal.iter().copied().filter(|entry| *entry > 0.0).collect();
+        sorted.sort_by(f64::total_cmp);
+        // A few vertices with hardly any coupling must not count as most of the area.
+        let least = sorted.get(sorted.len() / 2).map_or(1.0, |median| median / 16.0);
+        let area: f64 = sorted.iter().map(|entry| 1.0 / entry.max(least)).sum();
+        let estimate = if area > 0.0 { 3.6 * pairs as f64 / area } else { 1.0 };
+        let shift = -SHIFT * estimate;
+        let shifted = self.matrix.add_scaled_diagonal(-shift, &vec![1.0; diagonal.len()])?;
+        Ok((shift, Cholesky::factor(symbolic, &shifted)?))
+    }
+
+    /// Number of eigenvalues, null space included, below a point in the open interval `gap`, and
+    /// that point.
+    fn count(&self, symbolic: &SymbolicCholesky, gap: (f64, f64)) -> Result<(f64, usize), LinalgError> {
+        let ones = vec![1.0; self.matrix.size()];
+        let mut failure = LinalgError::NoConvergence { size: self.matrix.size() };
+        for fraction in [0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65] {
+            let shift = gap.0 + fraction * (gap.1 - gap.0);
+            let shifted = self.matrix.add_scaled_diagonal(-shift, &ones)?;
+            match factor_indefinite(symbolic, &shifted, shift) {
+                Ok(factor) => return Ok((shift, negative_pivots(&factor))),
+                Err(error @ LinalgError::VanishingPivot { .. }) => failure = error,
+                Err(error) => return Err(error),
+            }
+        }
+        Err(failure)
+    }
+}
+
+/// The wanted part of a Ritz decomposition.
+struct Found {
+    /// Ritz pairs by ascending eigenvalue.
+    order: Vec<usize>,
+    values: Vec<f64>,
+    /// Number of converged pairs below the gap, at least as many as wanted.
+    below_gap: usize,
+    /// An interval without Ritz values.
+    gap: (f64, f64),
+}
+
+impl Found {
+    /// `None` unless enough pairs have converged and are followed by a gap.
+    fn new(ritz: &Ritz, shift: f64, pairs: usize) -> Option<Self> {
+        // Op = (B − σ)^-p, and the purified vector of a Ritz pair (μ, r) has a residual of at most
+        // (λ − σ) · r / μ.
+        let floor = 1e-3 * shift.abs();
+        let mut list: Vec<(f64, f64, usize)> = Vec::new();
+        for (at, (&value, &residual)) in ritz.values.iter().zip(&ritz.residuals).enumerate() {
+            if value > 0.0 {
+                let distance = value.powf(-1.0 / f64::from(POWER));
+                list.push((shift + distance, distance * (residual / value), at));
+            }
+        }
+        list.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let converged =
+            list.iter().take_while(|(value, residual, _)| *residual <= CONVERGED * value.max(floor)).count();
+        let located =
+            list.iter().take_while(|(value, residual, _)| *residual <= LOCATED * value.max(floor)).count();
+        let mut best = (GAP, 0, (0.0, 0.0));
+        for below in pairs..=converged.min(located.saturating_sub(1)) {
+            let lower = list[below - 1].0 + list[below - 1].1;
+            let upper = list[below].0 - list[below].1;
+            let width = (upper - lower) / upper;
+            if upper > 0.0 && width > best.0 {
+                best = (width, below, (lower, upper));
+            }
+        }
+        if best.1 == 0 {
+            return None;
+        }
+        Some(Self {
+            order: list.iter().map(|entry| entry.2).collect(),
+            values: list.iter().map(|entry| entry.0).collect(),
+            below_gap: best.1,
+            gap: best.2,
+        })
+    }
+}
+
+fn to_original_order(block: &Block, original: &[usize]) -> Block {
+    let mut rows = vec![Lanes::ZERO; block.len()];
+    for (row, &index) in block.iter().zip(original) {
+        rows[index] = *row;
+    }
+    rows
+}

@@ -1,0 +1,270 @@
+//! Symbolic part of the sparse factorisation: ordering, supernodes, and the subtrees of the
+//! elimination tree that triangular solves may visit at the same time.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::sparse::SymbolicSparseColMatRef;
+use faer::sparse::linalg::cholesky::{simplicial, supernodal};
+use faer::sparse::linalg::{SymbolicSupernodalParams, amd};
+
+use super::error::LinalgError;
+use super::sparse::{SparsityPattern, SymmetricMatrix};
+
+/// A subtree with less than this fraction of the factor's entries is one parallel task. Fixed,
+/// so that the order of additions does not depend on the number of threads.
+const SUBTREES: usize = 16;
+
+/// Ordering and structure of the factor of every matrix with one sparsity pattern. Cheap to
+/// clone; the analysis is shared.
+#[derive(Debug, Clone)]
+pub struct SymbolicCholesky {
+    inner: Arc<Symbolic>,
+}
+
+impl SymbolicCholesky {
+    /// Analyses the pattern of `matrix`: approximate minimum degree ordering and supernodes.
+    ///
+    /// # Errors
+    /// [`LinalgError::OutOfMemory`].
+    pub fn new(matrix: &SymmetricMatrix) -> Result<Self, LinalgError> {
+        Ok(Self { inner: Arc::new(Symbolic::new(matrix.pattern())?) })
+    }
+
+    /// Size of the matrix.
+    pub fn size(&self) -> usize {
+        self.inner.size()
+    }
+
+    /// Number of values in the factor, explicit zeros of merged columns included.
+    pub fn factor_entries(&self) -> usize {
+        self.inner.supernodes.len_val()
+    }
+
+    pub(super) fn inner(&self) -> &Arc<Symbolic> {
+        &self.inner
+    }
+}
+
+/// What [`SymbolicCholesky`] shares. Rows and columns are those of the permuted matrix unless
+/// said otherwise.
+#[derive(Debug)]
+pub(super) struct Symbolic {
+    pattern: Arc<SparsityPattern>,
+    /// Original index of every permuted one.
+    pub(super) original: Vec<usize>,
+    /// Lower triangle of the permuted matrix, and for each entry its place in the input values.
+    pub(super) lower_starts: Vec<usize>,
+    pub(super) lower_rows: Vec<usize>,
+    pub(super) lower_source: Vec<usize>,
+    pub(super) supernodes: supernodal::SymbolicSupernodalCholesky<usize>,
+    pub(super) schedule: Schedule,
+}
+
+/// Which supernodes are visited in parallel.
+#[derive(Debug)]
+pub(super) struct Schedule {
+    /// Disjoint subtrees of the elimination tree, ascending.
+    pub(super) subtrees: Vec<Subtree>,
+    /// The supernodes above them, ascending.
+    pub(super) top: Vec<usize>,
+    /// For every entry of the supernodes' row lists that lies outside of the supernode's own
+    /// subtree: its place in [`Subtree::outside`].
+    pub(super) outside_position: Vec<u32>,
+}
+
+/// A subtree: consecutive supernodes and columns, and the rows above it that it touches.
+#[derive(Debug)]
+pub(super) struct Subtree {
+    pub(super) supernodes: Range<usize>,
+    pub(super) columns: Range<usize>,
+    pub(super) outside: Vec<usize>,
+}
+
+impl Symbolic {
+    fn new(pattern: &Arc<SparsityPattern>) -> Result<Self, LinalgError> {
+        let size = pattern.size();
+        let (original, permuted) = minimum_degree(pattern)?;
+        let (lower_starts, lower_rows, lower_source) =
+            triangle(pattern, &original, &permuted, |row, column| row >= column);
+        let (upper_starts, upper_rows, _) =
+            triangle(pattern, &original, &permuted, |row, column| row <= column);
+        let supernodes = supernodes(size, &upper_starts, &upper_rows)?;
+        let schedule = Schedule::new(&supernodes);
+        Ok(Self {
+            pattern: Arc::clone(pattern),
+            original,
+            lower_starts,
+            lower_rows,
+            lower_source,
+            supernodes,
+            schedule,
+        })
+    }
+
+    pub(super) fn size(&self) -> usize {
+        self.original.len()
+    }
+
+    /// Error unless `matrix` has the analysed pattern.
+    pub(super) fn check_pattern(&self, matrix: &SymmetricMatrix) -> Result<(), LinalgError> {
+        if Arc::ptr_eq(&self.pattern, matrix.pattern()) || *self.pattern == **matrix.pattern() {
+            Ok(())
+        } else {
+            Err(LinalgError::PatternMismatch)
+        }
+    }
+
+    /// Columns of a supernode.
+    #[inline]
+    pub(super) fn columns(&self, supernode: usize) -> Range<usize> {
+        self.supernodes.supernode_begin()[supernode]..self.supernodes.supernode_end()[supernode]
+    }
+
+    /// Rows of a supernode below its columns, ascending.
+    #[inline]
+    pub(super) fn rows(&self, supernode: usize) -> &[usize] {
+        self.supernodes.supernode(supernode).pattern()
+    }
+
+    /// Where the supernode's values lie in the factor: column-major, columns first.
+    #[inline]
+    pub(super) fn values(&self, supernode: usize) -> Range<usize> {
+        let starts = self.supernodes.col_ptr_for_val();
+        starts[supernode]..starts[supernode + 1]
+    }
+
+    /// Parent of every supernode in the elimination tree: the owner of its first row below.
+    pub(super) fn parents(&self) -> Vec<Option<usize>> {
+        parents(&self.supernodes)
+    }
+}
+
+impl Schedule {
+    fn new(supernodes: &supernodal::SymbolicSupernodalCholesky<usize>) -> Self {
+        let count = supernodes.n_supernodes();
+        let parents = parents(supernodes);
+        let starts = supernodes.col_ptr_for_val();
+        // Supernodes are in postorder: a subtree ends with its root.
+        let mut first: Vec<usize> = (0..count).collect();
+        for supernode in 0..count {
+            if let Some(parent) = parents[supernode] {
+                first[parent] = first[parent].min(first[supernode]);
+            }
+        }
+        let largest = supernodes.len_val().div_ceil(SUBTREES);
+        let weight = |root: usize| starts[root + 1] - starts[first[root]];
+        let mut subtrees = Vec::new();
+        let mut top = Vec::new();
+        let mut outside_position = vec![0_u32; supernodes.row_idx().len()];
+        for root in (0..count).rev() {
+            if weight(root) > largest {
+                top.push(root);
+            } else if parents[root].is_none_or(|parent| weight(parent) > largest) {
+                let columns = supernodes.supernode_begin()[first[root]]..supernodes.supernode_end()[root];
+                let outside = supernodes.supernode(root).pattern().to_vec();
+                for supernode in first[root]..=root {
+                    let offset = supernodes.col_ptr_for_row_idx()[supernode];
+                    let rows = supernodes.supernode(supernode).pattern();
+                    let inside = rows.partition_point(|&row| row < columns.end);
+                    for (at, row) in (offset + inside..).zip(&rows[inside..]) {
+                        // Rows above a subtree are among the rows of its root.
+                        outside_position[at] = outside.partition_point(|other| other < row) as u32;
+                    }
+                }
+                subtrees.push(Subtree { supernodes: first[root]..root + 1, columns, outside });
+            }
+        }
+        subtrees.reverse();
+        top.reverse();
+        Self { subtrees, top, outside_position }
+    }
+}
+
+fn parents(supernodes: &supernodal::SymbolicSupernodalCholesky<usize>) -> Vec<Option<usize>> {
+    (0..supernodes.n_supernodes())
+        .map(|supernode| {
+            let first = supernodes.supernode(supernode).pattern().first()?;
+            Some(supernodes.supernode_end().partition_point(|end| end <= first))
+        })
+        .collect()
+}
+
+/// Fill-reducing ordering: original index of each permuted one, and the inverse.
+fn minimum_degree(pattern: &SparsityPattern) -> Result<(Vec<usize>, Vec<usize>), LinalgError> {
+    const WHAT: &str = "fill-reducing ordering";
+    let size = pattern.size();
+    let (mut original, mut permuted) = (vec![0; size], vec![0; size]);
+    let mut memory = allocate(amd::order_scratch::<usize>(size, pattern.rows().len()), WHAT)?;
+    amd::order(
+        &mut original,
+        &mut permuted,
+        SymbolicSparseColMatRef::new_checked(size, size, pattern.column_starts(), None, pattern.rows()),
+        amd::Control::default(),
+        MemStack::new(&mut memory),
+    )
+    .map_err(|_| LinalgError::OutOfMemory { what: WHAT })?;
+    Ok((original, permuted))
+}
+
+/// Column starts, rows, and places in the input of one triangle of the permuted matrix.
+fn triangle(
+    pattern: &SparsityPattern,
+    original: &[usize],
+    permuted: &[usize],
+    keep: impl Fn(usize, usize) -> bool,
+) -> (Vec<usize>, Vec<usize>, Vec<usize>) {
+    let half = pattern.rows().len() / 2 + original.len();
+    let mut starts = Vec::with_capacity(original.len() + 1);
+    starts.push(0);
+    let (mut rows, mut source) = (Vec::with_capacity(half), Vec::with_capacity(half));
+    let mut entries = Vec::new();
+    for (column, &old) in original.iter().enumerate() {
+        entries.clear();
+        entries.extend(
+            (pattern.column_starts()[old]..pattern.column_starts()[old + 1])
+                .map(|at| (permuted[pattern.rows()[at]], at))
+                .filter(|entry| keep(entry.0, column)),
+        );
+        entries.sort_unstable();
+        rows.extend(entries.iter().map(|entry| entry.0));
+        source.extend(entries.iter().map(|entry| entry.1));
+        starts.push(rows.len());
+    }
+    (starts, rows, source)
+}
+
+/// Supernodes from the upper triangle of the permuted matrix.
+fn supernodes(
+    size: usize,
+    starts: &[usize],
+    rows: &[usize],
+) -> Result<supernodal::SymbolicSupernodalCholesky<usize>, LinalgError> {
+    const WHAT: &str = "symbolic factorisation";
+    let upper = SymbolicSparseColMatRef::new_checked(size, size, starts, None, rows);
+    let mut memory = allocate(
+        StackReq::any_of(&[
+            simplicial::prefactorize_symbolic_cholesky_scratch::<usize>(size, rows.len()),
+            supernodal::factorize_supernodal_symbolic_cholesky_scratch::<usize>(size),
+        ]),
+        WHAT,
+    )?;
+    let stack = MemStack::new(&mut memory);
+    let mut tree = vec![0_isize; size];
+    let mut column_counts = vec![0_usize; size];
+    let tree = simplicial::prefactorize_symbolic_cholesky(&mut tree, &mut column_counts, upper, stack);
+    supernodal::factorize_supernodal_symbolic_cholesky(
+        upper,
+        tree,
+        &column_counts,
+        stack,
+        SymbolicSupernodalParams::default(),
+    )
+    .map_err(|_| LinalgError::OutOfMemory { what: WHAT })
+}
+
+/// Scratch memory for faer, with an error where it would abort.
+pub(super) fn allocate(request: StackReq, what: &'static str) -> Result<MemBuffer, LinalgError> {
+    MemBuffer::try_new(request).map_err(|_| LinalgError::OutOfMemory { what })
+}
