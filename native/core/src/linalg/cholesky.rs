@@ -16,7 +16,7 @@ const DEFINITE: f64 = 64.0 * f64::EPSILON;
 
 /// Largest growth of a row during elimination without pivoting that leaves the signs of the
 /// pivots trustworthy. A definite matrix has a growth of one.
-const GROWTH: f64 = 1e4;
+const GROWTH: f64 = 1e6;
 
 /// Factor of a symmetric positive definite matrix.
 #[derive(Debug, Clone)]
@@ -120,13 +120,12 @@ pub(super) fn factor_indefinite(
     let factor = LdlFactor::new(symbolic.inner(), shifted)?
         .map_err(|breakdown| LinalgError::VanishingPivot { column: breakdown.column, shift })?;
     // The rounding errors of row i amount to those of a matrix with diagonal (|L| |D| |L|ᵀ)_ii.
-    let mut scale = vec![0.0_f64; shifted.size()];
-    for column in 0..shifted.size() {
+    let largest = |column| {
         let (_, values) = shifted.column(column);
-        scale[column] = values.iter().fold(0.0, |largest, value| largest.max(value.abs()));
-    }
+        values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()))
+    };
     for (&column, size) in symbolic.inner().original.iter().zip(factor.row_sizes()) {
-        if size.is_nan() || size > GROWTH * scale[column] {
+        if size.is_nan() || size > GROWTH * largest(column) {
             return Err(LinalgError::VanishingPivot { column, shift });
         }
     }

@@ -49,7 +49,8 @@ pub struct Eigenpairs {
 /// # Errors
 /// Bad input: [`LinalgError::DimensionMismatch`], [`LinalgError::NonFinite`],
 /// [`LinalgError::NonPositiveMass`], [`LinalgError::NotANullVector`],
-/// [`LinalgError::TooManyPairs`], [`LinalgError::NotPositiveDefinite`]. Failed checks: [`LinalgError::ResidualNotReached`],
+/// [`LinalgError::TooManyPairs`], [`LinalgError::NotPositiveDefinite`] or
+/// [`LinalgError::NegativeEigenvalue`]. Failed checks: [`LinalgError::ResidualNotReached`],
 /// [`LinalgError::NotOrthonormal`], [`LinalgError::MissingPairs`],
 /// [`LinalgError::NoConvergence`]. Besides, [`LinalgError::OutOfMemory`] and
 /// [`LinalgError::Cancelled`].
@@ -165,7 +166,7 @@ fn orthonormal_null_space(
     null_space: &[f64],
 ) -> Result<Vec<Vec<f64>>, LinalgError> {
     let size = scaled.size();
-    let count = if size == 0 { 0 } else { null_space.len() / size };
+    let count = null_space.len().checked_div(size).unwrap_or(0);
     check_length("null space", size * count, null_space.len())?;
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(count);
     for vector in 0..count {
@@ -254,6 +255,9 @@ fn check(matrix: &SymmetricMatrix, values: &[f64], vectors: &[Block]) -> Result<
         let residual = residual[pair % WIDTH].sqrt();
         // What rounding alone makes of the product, on a matrix with tiny or thin triangles.
         let rounding = 16.0 * f64::EPSILON * terms[pair % WIDTH].sqrt();
+        if value < -4.0 * rounding {
+            return Err(LinalgError::NegativeEigenvalue { pair, value });
+        }
         if residual.is_nan() || residual > RESIDUAL_TOLERANCE * value.abs() + rounding {
             return Err(LinalgError::ResidualNotReached {
                 pair,

@@ -98,6 +98,14 @@ pub enum LinalgError {
         /// Largest residual that is accepted.
         tolerance: f64,
     },
+    /// A matrix that must be positive semi-definite is not.
+    #[error("eigenvalue {pair} is {value:e}; the matrix must be positive semi-definite")]
+    NegativeEigenvalue {
+        /// Index of the pair, ascending by eigenvalue.
+        pair: usize,
+        /// The eigenvalue.
+        value: f64,
+    },
     /// Two eigenvectors are not orthonormal.
     #[error("eigenvectors {first} and {second} miss orthonormality by {deviation:e}")]
     NotOrthonormal {

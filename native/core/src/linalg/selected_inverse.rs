@@ -2,7 +2,7 @@
 //!
 //! The entries of Z = A⁻¹ on the pattern of the factor follow from one another, from the last
 //! column to the first (Takahashi, Fagan & Chin 1973; Erisman & Tinney 1975). For a supernode
-//! with columns J, rows P below them, pivot block S = A_JJ − … and Y = L_PJ L_JJ⁻¹,
+//! with columns J, rows P below them, `S = L_JJ D_J L_JJᵀ` and `Y = L_PJ L_JJ⁻¹`,
 //!
 //! ```text
 //! Z_PJ = −Z_PP Y,        Z_JJ = S⁻¹ + Yᵀ Z_PP Y.
@@ -154,7 +154,7 @@ impl<'a> Recurrence<'a> {
 
     /// Derivative of block elimination. With F the derivative of the matrix before a supernode is
     /// eliminated, what remains for its rows below is
-    /// F_PP − Y F_JP − F_PJ Yᵀ + Y F_JJ Yᵀ.
+    /// `F_PP − Y F_JP − F_PJ Yᵀ + Y F_JJ Yᵀ`.
     fn eliminate(
         &self,
         supernodes: impl Iterator<Item = usize>,
@@ -208,7 +208,7 @@ impl<'a> Recurrence<'a> {
         }
     }
 
-    /// Takahashi's recurrence and its derivative. `known` holds Z_PP for supernodes whose parent
+    /// Takahashi's recurrence and its derivative. `known` holds `Z_PP` for supernodes whose parent
     /// was visited, and gets it for their children.
     fn invert(
         &self,
@@ -276,7 +276,7 @@ impl<'a> Recurrence<'a> {
         }
     }
 
-    /// Y = L_PJ L_JJ⁻¹.
+    /// `Y = L_PJ L_JJ⁻¹`.
     fn y(&self, supernode: usize) -> Dense {
         let width = self.symbolic().columns(supernode).len();
         let values = self.factor.supernode(supernode);
@@ -288,7 +288,7 @@ impl<'a> Recurrence<'a> {
         y
     }
 
-    /// S⁻¹ = L_JJ⁻ᵀ D_J⁻¹ L_JJ⁻¹.
+    /// `S⁻¹ = L_JJ⁻ᵀ D_J⁻¹ L_JJ⁻¹`.
     fn pivot_inverse(&self, supernode: usize) -> Dense {
         let width = self.symbolic().columns(supernode).len();
         let values = self.factor.supernode(supernode);

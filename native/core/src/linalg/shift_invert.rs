@@ -28,6 +28,9 @@ const LOCATED: f64 = 1e-3;
 /// Smallest relative gap above the last pair in which the eigenvalues can be counted.
 const GAP: f64 = 1e-7;
 
+/// Gaps that are tried before the iteration goes on.
+const GAPS: usize = 3;
+
 /// Attempts to find pairs that the count shows to be missing.
 const ATTEMPTS: usize = 6;
 
@@ -75,21 +78,21 @@ impl Problem<'_> {
                 break;
             }
             let ritz = lanczos.ritz()?;
-            let Some(found) = Found::new(&ritz, shift, pairs) else {
+            let found = Found::new(&ritz, shift, pairs);
+            let Some((below, count, gap)) = self.count(&symbolic, &found.gaps)? else {
                 target += (target / 12).max(2 * WIDTH);
                 continue;
             };
             progress.report(0.9)?;
-            let (below, count) = self.count(&symbolic, found.gap)?;
             let expected = count.saturating_sub(self.null.len());
-            if expected == found.below_gap {
+            if expected == gap.below {
                 let vectors = lanczos.vectors(&ritz, &found.order[..pairs]);
                 let vectors = vectors.iter().map(|block| to_original_order(block, original)).collect();
                 return Ok(Some((found.values[..pairs].to_vec(), vectors)));
             }
             attempts += 1;
             if attempts == ATTEMPTS {
-                return Err(LinalgError::MissingPairs { expected, found: found.below_gap, below });
+                return Err(LinalgError::MissingPairs { expected, found: gap.below, below });
             }
             room = lanczos.add_random_block(operator);
             target += (target / 8).max(4 * WIDTH);
@@ -133,41 +136,51 @@ impl Problem<'_> {
         Ok((shift, Cholesky::factor(symbolic, &shifted)?))
     }
 
-    /// Number of eigenvalues, null space included, below a point in the open interval `gap`, and
-    /// that point.
-    fn count(&self, symbolic: &SymbolicCholesky, gap: (f64, f64)) -> Result<(f64, usize), LinalgError> {
+    /// Counts the eigenvalues, null space included, below a point in one of the `gaps`: that
+    /// point, the number, and the gap. `None` when elimination is unstable in all of them.
+    fn count(
+        &self,
+        symbolic: &SymbolicCholesky,
+        gaps: &[Gap],
+    ) -> Result<Option<(f64, usize, Gap)>, LinalgError> {
         let ones = vec![1.0; self.matrix.size()];
-        let mut failure = LinalgError::NoConvergence { size: self.matrix.size() };
-        for fraction in [0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65] {
-            let shift = gap.0 + fraction * (gap.1 - gap.0);
-            let shifted = self.matrix.add_scaled_diagonal(-shift, &ones)?;
-            match factor_indefinite(symbolic, &shifted, shift) {
-                Ok(factor) => return Ok((shift, negative_pivots(&factor))),
-                Err(error @ LinalgError::VanishingPivot { .. }) => failure = error,
-                Err(error) => return Err(error),
+        for &gap in gaps.iter().take(GAPS) {
+            for fraction in [0.5, 0.35, 0.65] {
+                let shift = gap.lower + fraction * (gap.upper - gap.lower);
+                let shifted = self.matrix.add_scaled_diagonal(-shift, &ones)?;
+                match factor_indefinite(symbolic, &shifted, shift) {
+                    Ok(factor) => return Ok(Some((shift, negative_pivots(&factor), gap))),
+                    Err(LinalgError::VanishingPivot { .. }) => {}
+                    Err(error) => return Err(error),
+                }
             }
         }
-        Err(failure)
+        Ok(None)
     }
 }
 
-/// The wanted part of a Ritz decomposition.
+/// An interval between converged Ritz values.
+#[derive(Debug, Clone, Copy)]
+struct Gap {
+    lower: f64,
+    upper: f64,
+    /// Number of converged pairs below, at least as many as wanted.
+    below: usize,
+}
+
+/// The part of a Ritz decomposition that may be wanted.
 struct Found {
     /// Ritz pairs by ascending eigenvalue.
     order: Vec<usize>,
     values: Vec<f64>,
-    /// Number of converged pairs below the gap, at least as many as wanted.
-    below_gap: usize,
-    /// An interval without Ritz values.
-    gap: (f64, f64),
+    /// Where enough converged pairs can be told from the rest, the widest first.
+    gaps: Vec<Gap>,
 }
 
 impl Found {
-    /// `None` unless enough pairs have converged and are followed by a gap.
-    fn new(ritz: &Ritz, shift: f64, pairs: usize) -> Option<Self> {
+    fn new(ritz: &Ritz, shift: f64, pairs: usize) -> Self {
         // Op = (B − σ)^-p, and the purified vector of a Ritz pair (μ, r) has a residual of at most
         // (λ − σ) · r / μ.
-        let floor = 1e-3 * shift.abs();
         let mut list: Vec<(f64, f64, usize)> = Vec::new();
         for (at, (&value, &residual)) in ritz.values.iter().zip(&ritz.residuals).enumerate() {
             if value > 0.0 {
@@ -176,28 +189,26 @@ impl Found {
             }
         }
         list.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let converged =
-            list.iter().take_while(|(value, residual, _)| *residual <= CONVERGED * value.max(floor)).count();
-        let located =
-            list.iter().take_while(|(value, residual, _)| *residual <= LOCATED * value.max(floor)).count();
-        let mut best = (GAP, 0, (0.0, 0.0));
-        for below in pairs..=converged.min(located.saturating_sub(1)) {
-            let lower = list[below - 1].0 + list[below - 1].1;
-            let upper = list[below].0 - list[below].1;
-            let width = (upper - lower) / upper;
-            if upper > 0.0 && width > best.0 {
-                best = (width, below, (lower, upper));
-            }
-        }
-        if best.1 == 0 {
-            return None;
-        }
-        Some(Self {
+        // A null vector that was not handed in has no relative residual.
+        let floor = 1e-3 * shift.abs();
+        let within = |limit: f64| {
+            list.iter().take_while(|(value, residual, _)| *residual <= limit * value.max(floor)).count()
+        };
+        let mut gaps: Vec<Gap> = (pairs..=within(CONVERGED).min(within(LOCATED).saturating_sub(1)))
+            .map(|below| Gap {
+                lower: list[below - 1].0 + list[below - 1].1,
+                upper: list[below].0 - list[below].1,
+                below,
+            })
+            .filter(|gap| gap.upper - gap.lower > GAP * gap.upper.max(floor))
+            .collect();
+        // Stable, so that equal widths keep their order.
+        gaps.sort_by(|a, b| (b.upper - b.lower).total_cmp(&(a.upper - a.lower)));
+        Self {
             order: list.iter().map(|entry| entry.2).collect(),
             values: list.iter().map(|entry| entry.0).collect(),
-            below_gap: best.1,
-            gap: best.2,
-        })
+            gaps,
+        }
     }
 }
 
@@ -207,4 +218,57 @@ fn to_original_order(block: &Block, original: &[usize]) -> Block {
         rows[index] = *row;
     }
     rows
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::super::sparse::SymmetricMatrix;
+    use super::*;
+
+    /// Two rings without a common vertex: every eigenvalue of a ring occurs twice, most of them
+    /// four times.
+    fn rings(length: usize) -> SymmetricMatrix {
+        let mut triplets = Vec::new();
+        for ring in 0..2 {
+            for at in 0..length {
+                let (a, b) = (ring * length + at, ring * length + (at + 1) % length);
+                triplets.extend([(a, b, -1.0), (a, a, 1.0), (b, b, 1.0)]);
+            }
+        }
+        SymmetricMatrix::from_triplets(2 * length, &triplets).unwrap()
+    }
+
+    #[test]
+    fn pairs_that_the_start_block_cannot_see_are_missed_counted_and_found() {
+        let length = 500;
+        let matrix = rings(length);
+        let norm = 1.0 / (length as f64).sqrt();
+        let null = [0, 1]
+            .map(|ring| (0..2 * length).map(|at| if at / length == ring { norm } else { 0.0 }).collect());
+        let problem = Problem { matrix: &matrix, null: null.to_vec() };
+        // The second ring is exactly zero, and stays so under the operator.
+        let start: Block =
+            (0..2 * length)
+                .map(|at| {
+                    Lanes(std::array::from_fn(|lane| {
+                        if at < length { ((at * (lane + 3)) as f64).sin() } else { 0.0 }
+                    }))
+                })
+                .collect();
+        let mut reports = Vec::new();
+        let mut callback = |fraction| {
+            reports.push(fraction);
+            true
+        };
+        let found = problem.solve_sparse(24, Some(&start), &mut Progress::new(&mut callback)).unwrap();
+        let (values, _) = found.unwrap();
+        for (pair, value) in values.iter().enumerate() {
+            let frequency = std::f64::consts::PI * (pair / 4 + 1) as f64 / length as f64;
+            let expected = 4.0 * frequency.sin().powi(2);
+            assert!((value / expected - 1.0).abs() < 1e-9, "pair {pair}: {value} instead of {expected}");
+        }
+        // The first count came too early: the iteration went on after reaching 0.9.
+        assert!(reports.iter().filter(|fraction| **fraction >= 0.9).count() > 2);
+    }
 }

@@ -16,6 +16,9 @@ use super::sparse::{SparsityPattern, SymmetricMatrix};
 /// so that the order of additions does not depend on the number of threads.
 const SUBTREES: usize = 16;
 
+/// What is named when memory runs out.
+const ANALYSIS: &str = "symbolic factorisation";
+
 /// Ordering and structure of the factor of every matrix with one sparsity pattern. Cheap to
 /// clone; the analysis is shared.
 #[derive(Debug, Clone)]
@@ -84,13 +87,11 @@ pub(super) struct Subtree {
 
 impl Symbolic {
     fn new(pattern: &Arc<SparsityPattern>) -> Result<Self, LinalgError> {
-        let size = pattern.size();
-        let (original, permuted) = minimum_degree(pattern)?;
+        let original = postordered(pattern, minimum_degree(pattern)?)?;
         let (lower_starts, lower_rows, lower_source) =
-            triangle(pattern, &original, &permuted, |row, column| row >= column);
-        let (upper_starts, upper_rows, _) =
-            triangle(pattern, &original, &permuted, |row, column| row <= column);
-        let supernodes = supernodes(size, &upper_starts, &upper_rows)?;
+            triangle(pattern, &original, |row, column| row >= column);
+        let (upper_starts, upper_rows, _) = triangle(pattern, &original, |row, column| row <= column);
+        let supernodes = supernodes(&upper_starts, &upper_rows)?;
         let schedule = Schedule::new(&supernodes);
         Ok(Self {
             pattern: Arc::clone(pattern),
@@ -191,8 +192,8 @@ fn parents(supernodes: &supernodal::SymbolicSupernodalCholesky<usize>) -> Vec<Op
         .collect()
 }
 
-/// Fill-reducing ordering: original index of each permuted one, and the inverse.
-fn minimum_degree(pattern: &SparsityPattern) -> Result<(Vec<usize>, Vec<usize>), LinalgError> {
+/// Fill-reducing ordering: original index of each permuted one.
+fn minimum_degree(pattern: &SparsityPattern) -> Result<Vec<usize>, LinalgError> {
     const WHAT: &str = "fill-reducing ordering";
     let size = pattern.size();
     let (mut original, mut permuted) = (vec![0; size], vec![0; size]);
@@ -205,16 +206,46 @@ fn minimum_degree(pattern: &SparsityPattern) -> Result<(Vec<usize>, Vec<usize>),
         MemStack::new(&mut memory),
     )
     .map_err(|_| LinalgError::OutOfMemory { what: WHAT })?;
-    Ok((original, permuted))
+    Ok(original)
+}
+
+/// An equivalent ordering in which every subtree of the elimination tree is consecutive.
+fn postordered(pattern: &SparsityPattern, original: Vec<usize>) -> Result<Vec<usize>, LinalgError> {
+    let size = original.len();
+    let (starts, rows, _) = triangle(pattern, &original, |row, column| row <= column);
+    let tree = elimination_tree(&starts, &rows)?;
+    // Children in descending order, so that the walk pops them in ascending order.
+    let mut children = vec![Vec::new(); size];
+    let mut open = Vec::new();
+    for column in (0..size).rev() {
+        // The tree marks roots by a negative parent.
+        match usize::try_from(tree[column]) {
+            Ok(parent) => children[parent].push(column),
+            Err(_) => open.push((column, false)),
+        }
+    }
+    let mut order = Vec::with_capacity(size);
+    while let Some((column, done)) = open.pop() {
+        if done {
+            order.push(original[column]);
+        } else {
+            open.push((column, true));
+            open.extend(children[column].iter().map(|&child| (child, false)));
+        }
+    }
+    Ok(order)
 }
 
 /// Column starts, rows, and places in the input of one triangle of the permuted matrix.
 fn triangle(
     pattern: &SparsityPattern,
     original: &[usize],
-    permuted: &[usize],
     keep: impl Fn(usize, usize) -> bool,
 ) -> (Vec<usize>, Vec<usize>, Vec<usize>) {
+    let mut permuted = vec![0; original.len()];
+    for (at, &index) in original.iter().enumerate() {
+        permuted[index] = at;
+    }
     let half = pattern.rows().len() / 2 + original.len();
     let mut starts = Vec::with_capacity(original.len() + 1);
     starts.push(0);
@@ -235,33 +266,42 @@ fn triangle(
     (starts, rows, source)
 }
 
+/// Parent of each column in the elimination tree, negative for roots, from the upper triangle.
+fn elimination_tree(starts: &[usize], rows: &[usize]) -> Result<Vec<isize>, LinalgError> {
+    let size = starts.len() - 1;
+    let scratch = simplicial::prefactorize_symbolic_cholesky_scratch::<usize>(size, rows.len());
+    let mut memory = allocate(scratch, ANALYSIS)?;
+    let (mut tree, mut counts) = (vec![0; size], vec![0; size]);
+    let upper = SymbolicSparseColMatRef::new_checked(size, size, starts, None, rows);
+    simplicial::prefactorize_symbolic_cholesky(&mut tree, &mut counts, upper, MemStack::new(&mut memory));
+    Ok(tree)
+}
+
 /// Supernodes from the upper triangle of the permuted matrix.
 fn supernodes(
-    size: usize,
     starts: &[usize],
     rows: &[usize],
 ) -> Result<supernodal::SymbolicSupernodalCholesky<usize>, LinalgError> {
-    const WHAT: &str = "symbolic factorisation";
+    let size = starts.len() - 1;
     let upper = SymbolicSparseColMatRef::new_checked(size, size, starts, None, rows);
     let mut memory = allocate(
         StackReq::any_of(&[
             simplicial::prefactorize_symbolic_cholesky_scratch::<usize>(size, rows.len()),
             supernodal::factorize_supernodal_symbolic_cholesky_scratch::<usize>(size),
         ]),
-        WHAT,
+        ANALYSIS,
     )?;
     let stack = MemStack::new(&mut memory);
-    let mut tree = vec![0_isize; size];
-    let mut column_counts = vec![0_usize; size];
-    let tree = simplicial::prefactorize_symbolic_cholesky(&mut tree, &mut column_counts, upper, stack);
+    let (mut tree, mut counts) = (vec![0; size], vec![0; size]);
+    let tree = simplicial::prefactorize_symbolic_cholesky(&mut tree, &mut counts, upper, stack);
     supernodal::factorize_supernodal_symbolic_cholesky(
         upper,
         tree,
-        &column_counts,
+        &counts,
         stack,
         SymbolicSupernodalParams::default(),
     )
-    .map_err(|_| LinalgError::OutOfMemory { what: WHAT })
+    .map_err(|_| LinalgError::OutOfMemory { what: ANALYSIS })
 }
 
 /// Scratch memory for faer, with an error where it would abort.

@@ -201,3 +201,91 @@ fn couple_half<const FIRST: usize, S: Simd>(simd: S, left: &[Lanes], right: &[La
     }
     [a, b, c, d]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::random::SplitMix64;
+    use super::*;
+
+    /// More rows than one chunk, and no multiple of anything.
+    const ROWS: usize = 2 * CHUNK + 37;
+
+    fn block(seed: u64) -> Block {
+        let mut random = SplitMix64::new(seed);
+        (0..ROWS).map(|_| Lanes([0.0; WIDTH].map(|_| random.uniform()))).collect()
+    }
+
+    fn coupling(seed: u64) -> Coupling {
+        let block = block(seed);
+        std::array::from_fn(|row| block[row])
+    }
+
+    fn naive_product(left: &[Lanes], right: &[Lanes], a: usize, b: usize) -> f64 {
+        left.iter().zip(right).map(|(left, right)| left[a] * right[b]).sum()
+    }
+
+    #[test]
+    fn a_sweep_transforms_subtracts_and_couples_in_this_order() {
+        let (mut swept, first, second) = (block(1), block(2), block(3));
+        let (transform, factor) = (coupling(4), coupling(5));
+        let mut expected = block(1);
+        for (row, other) in expected.iter_mut().zip(&first) {
+            let old = *row;
+            for lane in 0..WIDTH {
+                row[lane] =
+                    (0..WIDTH).map(|at| old[at] * transform[at][lane] - other[at] * factor[at][lane]).sum();
+            }
+        }
+        let (couplings, gram) = sweep(
+            &mut swept,
+            &Sweep { transform: Some(&transform), subtract: &[(&first, factor)], couple: &[&first, &second] },
+        );
+        for (row, expected) in swept.iter().zip(&expected) {
+            for lane in 0..WIDTH {
+                assert!((row[lane] - expected[lane]).abs() < 1e-13);
+            }
+        }
+        for (left, product) in [(&first, couplings[0]), (&second, couplings[1]), (&expected, gram)] {
+            for (a, row) in product.iter().enumerate() {
+                for (b, value) in row.0.iter().enumerate() {
+                    assert!((value - naive_product(left, &expected, a, b)).abs() < 1e-10);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn combinations_and_gram_matrices_match_naive_sums() {
+        let blocks = [block(1), block(2), block(3)];
+        let factors =
+            [vec![coupling(4), coupling(5), coupling(6)], vec![coupling(7), coupling(8), coupling(9)]];
+        let slices: Vec<&[Lanes]> = blocks.iter().map(Vec::as_slice).collect();
+        let combined = combine(&slices, &factors);
+        assert_eq!(combined.len(), 2);
+        for (combined, factors) in combined.iter().zip(&factors) {
+            assert_eq!(combined.len(), ROWS);
+            for (at, row) in combined.iter().enumerate() {
+                for lane in 0..WIDTH {
+                    let expected: f64 = blocks
+                        .iter()
+                        .zip(factors)
+                        .flat_map(|(block, factor)| (0..WIDTH).map(move |a| block[at][a] * factor[a][lane]))
+                        .sum();
+                    assert!((row[lane] - expected).abs() < 1e-13);
+                }
+            }
+        }
+        let mut products = gram(&blocks).into_iter();
+        for right in 0..blocks.len() {
+            for left in &blocks[..=right] {
+                let product = products.next().unwrap_or(NO_COUPLING);
+                for (a, row) in product.iter().enumerate() {
+                    for (b, value) in row.0.iter().enumerate() {
+                        assert!((value - naive_product(left, &blocks[right], a, b)).abs() < 1e-10);
+                    }
+                }
+            }
+        }
+        assert!(products.next().is_none());
+    }
+}
