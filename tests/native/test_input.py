@@ -125,7 +125,9 @@ def test_retarget_names_what_is_missing():
     with pytest.raises(ValueError, match="max_influences"):
         retarget_weights(mesh, weights, mesh, landmarks=[[0, 0], [1, 1]], max_influences=0)
     both = {"source_skeleton": skeleton, "target_skeleton": skeleton}
-    bare = SkinWeights.from_triplets(np.zeros(0, int), np.zeros(0, int), np.zeros(0), weights.vertex_count, weights.bone_count)
+    bare = SkinWeights.from_triplets(
+        np.zeros(0, int), np.zeros(0, int), np.zeros(0), weights.vertex_count, weights.bone_count
+    )
     with pytest.raises(RetargetError, match="no source vertex has a weight"):
         retarget_weights(mesh, bare, mesh, **both)
     short = SkinWeights.from_dense(np.ones((3, weights.bone_count)))
