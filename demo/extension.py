@@ -32,7 +32,9 @@ def install(path: Path) -> str:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     packages = Path(bpy.utils.user_resource("EXTENSIONS")) / ".local" / "lib"
     packages /= f"python{sys.version_info[0]}.{sys.version_info[1]}/site-packages"
-    # The zip's own wheel goes before a copy that this Python may have.
+    # The zip's own wheel goes before a copy that this Python may have. A folder that is not there
+    # is taken off the path again.
+    packages.mkdir(parents=True)
     sys.path.insert(0, str(packages))
     bpy.ops.extensions.package_install_files(
         filepath=str(path), repo="user_default", enable_on_install=True, overwrite=True

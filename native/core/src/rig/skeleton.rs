@@ -164,6 +164,17 @@ impl Skeleton {
         children
     }
 
+    /// This skeleton with its bones numbered as in `like`: bone b takes the place of the bone
+    /// `partners[b]`, and the parents are those of `like`. A bone without a partner is a point at
+    /// the origin.
+    #[must_use]
+    pub fn renumbered(&self, like: &Self, partners: &[Option<u32>]) -> Self {
+        let place = |points: &[DVec3]| {
+            partners.iter().map(|partner| partner.map_or(DVec3::ZERO, |p| points[p as usize])).collect()
+        };
+        Self { heads: place(&self.heads), tails: place(&self.tails), ..like.clone() }
+    }
+
     /// Length of a bone.
     #[must_use]
     pub fn length(&self, bone: usize) -> f64 {

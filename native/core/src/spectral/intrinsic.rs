@@ -68,8 +68,10 @@ impl IntrinsicTriangulation {
 
     /// Flips sides until every one is Delaunay. The order is fixed, so the result is too.
     pub(super) fn flip_to_delaunay(&mut self) {
-        let mut queue: Vec<Side> =
-            (0..self.triangle_count()).rev().flat_map(|t| (0..3).rev().map(move |s| Side::new(t, s))).collect();
+        let mut queue: Vec<Side> = (0..self.triangle_count())
+            .rev()
+            .flat_map(|t| (0..3).rev().map(move |s| Side::new(t, s)))
+            .collect();
         let mut queued = vec![true; self.corners.len()];
         while let Some(side) = queue.pop() {
             queued[side.slot()] = false;
@@ -105,9 +107,7 @@ impl IntrinsicTriangulation {
         // Triangle of `side` becomes (m, k, i): diagonal, ki, im. That of `twin` (k, m, j): diagonal, mj, jk.
         let [new_ki, new_im] = [side.next(), side.next().next()];
         let [new_mj, new_jk] = [twin.next(), twin.next().next()];
-        for (slot, corner) in
-            [(side, m), (new_ki, k), (new_im, i), (twin, k), (new_mj, m), (new_jk, j)]
-        {
+        for (slot, corner) in [(side, m), (new_ki, k), (new_im, i), (twin, k), (new_mj, m), (new_jk, j)] {
             self.corners[slot.slot()] = corner;
         }
         self.lengths[side.slot()] = diagonal;

@@ -40,7 +40,7 @@ impl Laplacian {
                 areas[i] += share;
                 let weight = 0.5 * 0.5 * cover.cotangent(side);
                 if i != j && weight.is_finite() {
-                    entries.extend([(i, i, weight), (j, j, weight), (i, j, -weight), (j, i, -weight)]);
+                    entries.extend([(i, i, weight), (j, j, weight), (i, j, -weight)]);
                 }
             }
         }

@@ -31,9 +31,7 @@ fn mollified_lengths(mesh: &TriangleMesh, triangles: &[[u32; 3]]) -> Vec<[f64; 3
     let position = |v: u32| mesh.vertices()[v as usize];
     let mut lengths: Vec<[f64; 3]> = triangles
         .iter()
-        .map(|&[a, b, c]| {
-            [(a, b), (b, c), (c, a)].map(|(p, q)| position(p).distance(position(q)))
-        })
+        .map(|&[a, b, c]| [(a, b), (b, c), (c, a)].map(|(p, q)| position(p).distance(position(q))))
         .collect();
     let edges = sorted_sides(triangles);
     let (sum, count) = edges.chunk_by(|a, b| a.edge == b.edge).fold((0.0, 0usize), |(sum, count), run| {
@@ -164,7 +162,9 @@ mod tests {
             }
         }
         let longest = (0..4).flat_map(|t| (0..3).map(move |s| Side::new(t, s)));
-        let ends: Vec<_> = longest.map(|s| (cover.corner(s), cover.corner(Side::new(s.triangle as usize, s.side as usize + 1)))).collect();
+        let ends: Vec<_> = longest
+            .map(|s| (cover.corner(s), cover.corner(Side::new(s.triangle as usize, s.side as usize + 1))))
+            .collect();
         assert!(!ends.contains(&(0, 1)) && ends.contains(&(2, 3)));
     }
 }

@@ -1,0 +1,108 @@
+//! Why two characters cannot be matched.
+
+use crate::mesh::MeshError;
+use crate::progress::Cancelled;
+use crate::spectral::SpectralError;
+
+/// A retarget that cannot be done. Nothing was changed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RetargetError {
+    /// The weights do not belong to the mesh or the skeleton.
+    #[error("the source weights have {weights} {element}, but the source {owner} has {expected}")]
+    WeightCounts {
+        /// "vertices" or "bones".
+        element: &'static str,
+        /// "mesh" or "skeleton".
+        owner: &'static str,
+        /// What the weights have.
+        weights: usize,
+        /// What the owner has.
+        expected: usize,
+    },
+    /// No source vertex has any weight.
+    #[error("no source vertex has a weight; paint or bind the source first")]
+    NoWeights,
+    /// Skeletons without names differ in their number of bones.
+    #[error(
+        "the source has {source_bones} bones and the target {target_bones}; without names they must agree"
+    )]
+    BoneCounts {
+        /// Bones of the source.
+        source_bones: usize,
+        /// Bones of the target.
+        target_bones: usize,
+    },
+    /// Bones with weights have no partner.
+    #[error(
+        "{count} weighted source bones are missing in the target: {missing} (only in the target: {target_only}); \
+         rename the bones so that they agree"
+    )]
+    UnmatchedBones {
+        /// Number of missing bones.
+        count: usize,
+        /// Their names.
+        missing: String,
+        /// Names that only the target has.
+        target_only: String,
+    },
+    /// A landmark names a vertex that does not exist.
+    #[error("landmark {landmark}: {side} vertex {vertex} does not exist; the {side} has {count} vertices")]
+    LandmarkOutOfRange {
+        /// Index of the pair.
+        landmark: usize,
+        /// "source" or "target".
+        side: &'static str,
+        /// The vertex.
+        vertex: i64,
+        /// Vertices of that mesh.
+        count: usize,
+    },
+    /// A landmark lies on another piece than the first one.
+    #[error(
+        "landmark {landmark}: {side} vertex {vertex} lies on another piece of the mesh than landmark 0; \
+         put all landmarks on the body"
+    )]
+    LandmarkOnOtherComponent {
+        /// Index of the pair.
+        landmark: usize,
+        /// "source" or "target".
+        side: &'static str,
+        /// The vertex.
+        vertex: usize,
+    },
+    /// Too few landmarks to tell places apart.
+    #[error(
+        "places cannot be told apart by {}; give at least 2 pairs, better 5, \
+         or both skeletons so that landmarks can be chosen", pairs(*.count)
+    )]
+    TooFewLandmarks {
+        /// Number of different pairs.
+        count: usize,
+    },
+    /// A mesh cannot be used.
+    #[error("{side} mesh: {error}")]
+    Mesh {
+        /// "source" or "target".
+        side: &'static str,
+        /// What is wrong.
+        error: MeshError,
+    },
+    /// The Laplacian could not be solved.
+    #[error("{side} mesh: {error}")]
+    Spectral {
+        /// "source" or "target".
+        side: &'static str,
+        /// What is wrong.
+        error: SpectralError,
+    },
+    /// The work was asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+fn pairs(count: usize) -> String {
+    match count {
+        1 => "1 landmark pair".to_owned(),
+        n => format!("{n} landmark pairs"),
+    }
+}
