@@ -106,7 +106,7 @@ def test_presets_are_what_they_say():
 
 
 def test_stats_follow_the_pose():
-    mesh, skeleton, _, solver = body()
+    _, skeleton, _, solver = body()
     solver.solve(np.tile(np.eye(4), (len(skeleton), 1, 1)))
     assert solver.stats["active_islands"] == 0
     solver.solve(joint_turns(skeleton)["knee 90"])
