@@ -196,3 +196,93 @@ def retarget_weights(
     every chain. With both skeletons, bones are paired by name (by order where names are missing),
     and matches are searched in the same region only (figure 3).
     """
+
+def linear_blend_skinning(vertices: _Floats, weights: SkinWeights, transforms: _Floats) -> npt.NDArray[np.float32]:
+    """Linear blend skinning (eq. 1) as Blender's Armature modifier computes it.
+
+    vertices (V,3), transforms (B,4,4) = pose · rest⁻¹; returns (V,3) float32. Weights need not sum
+    to 1; a vertex without weights stays where it is.
+    """
+
+def dual_quaternion_skinning(
+    vertices: _Floats, weights: SkinWeights, transforms: _Floats, *, rest: _Floats | None = None
+) -> npt.NDArray[np.float32]:
+    """Dual quaternion skinning as Blender's Preserve Volume computes it.
+
+    Like `linear_blend_skinning`; rest (B,4,4) are the bones' rest matrices, which matter only where
+    bones are scaled.
+    """
+
+def rest_space_offsets(
+    offsets: _Floats, weights: SkinWeights, transforms: _Floats, *, preserve_volume: bool = False
+) -> tuple[npt.NDArray[np.float32], int]:
+    """Offsets (V,3) of the skinned surface taken back to rest by the inverse of what skinning does at
+    each vertex: what a shape key has to hold under a live Armature modifier.
+
+    Returns the offsets (V,3) float32 and the number of vertices whose blended matrix is nearly
+    singular; their offsets are limited.
+    """
+
+@final
+class TetMesh:
+    """Tetrahedra over shared vertices, positively oriented."""
+
+    @property
+    def vertices(self) -> npt.NDArray[np.float64]:
+        """Positions (P,3)."""
+    @property
+    def tetrahedra(self) -> npt.NDArray[np.uint32]:
+        """Corner indices (T,4)."""
+
+def tetrahedralize(mesh: TriangleMesh, *, cell_size: float | None = None) -> TetMesh:
+    """Body-centred-cubic lattice tetrahedra around and inside any triangle mesh: open, in pieces,
+    self-intersecting, non-manifold. Without `cell_size` the mean thickness of the mesh decides.
+    """
+
+@final
+class PbdSkin:
+    """A character's skin with joints that keep their volume (section 4.2).
+
+    Built once; `solve` is then a pure function from poses to vertices: the same arguments give the
+    same bits, whatever was solved before and on any number of threads. Every setting that is None
+    comes from `preset`: "default", "paper" (Algorithm 1 as printed) or "rumman_fratarcangeli".
+    Constraint strengths (`stretch`, `volume`, `bind`, `energy`) go from 0 (off) to 1.
+    """
+
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        skeleton: Skeleton,
+        weights: SkinWeights,
+        *,
+        preset: Literal["default", "paper", "rumman_fratarcangeli"] = "default",
+        iterations: int | None = None,
+        volume_sweeps: int | None = None,
+        start: Literal["auto", "linear", "dual_quaternion"] | None = None,
+        skinning: Literal["linear", "dual_quaternion"] = "linear",
+        stretch: float | None = None,
+        volume: float | None = None,
+        bind: float | None = None,
+        energy: float | None = None,
+        energy_form: Literal["compliant", "paper"] | None = None,
+        stiffness: float | None = None,
+        self_collision: bool | None = None,
+        smoothing: float | None = None,
+        region: Literal["joints", "all"] | None = None,
+        cell_size: float | None = None,
+        threads: int | None = None,
+    ) -> None: ...
+    def solve(self, transforms: _Floats, vertices: _Floats | None = None) -> npt.NDArray[np.float32]:
+        """Vertices (V,3) float32 of a pose: transforms (B,4,4) = pose · rest⁻¹. vertices (V,3) replace
+        the rest positions, for shape keys that act before the armature.
+        """
+    @property
+    def cage(self) -> TetMesh:
+        """Tetrahedra of all islands, in rest."""
+    @property
+    def stats(self) -> dict[str, Any]:
+        """What the skin consists of and what the last solve took.
+
+        vertices, moved_vertices, tetrahedra, islands, active_islands, inverted, constraints (per
+        kind) and milliseconds (build, skinning, solve, surface, total).
+        """

@@ -10,8 +10,10 @@
 //! of threads. Nothing here panics on user data: every fallible function returns a typed error
 //! that names the element at fault.
 
+pub mod cage;
 pub mod linalg;
 pub mod mesh;
+pub mod pbd;
 pub mod progress;
 pub mod retarget;
 pub mod rig;

@@ -5,26 +5,36 @@
 //! a subclass of `DermisError` (anything else). The contract is in `dermis_native.pyi`.
 
 mod arrays;
+mod cage;
 mod errors;
 mod mesh;
+mod pbd;
+mod poses;
 mod progress;
 mod retarget;
 mod rig;
+mod skinning;
 mod spectral;
 mod weights;
 
 #[pyo3::pymodule]
 mod dermis_native {
     #[pymodule_export]
+    use super::cage::{PyTetMesh, tetrahedralize};
+    #[pymodule_export]
     use super::errors::{Cancelled, DermisError, NumericalError, RetargetError};
     #[pymodule_export]
     use super::mesh::PyTriangleMesh;
+    #[pymodule_export]
+    use super::pbd::PyPbdSkin;
     #[pymodule_export]
     use super::progress::PyProgress;
     #[pymodule_export]
     use super::retarget::{PyRetargetResult, retarget_weights};
     #[pymodule_export]
     use super::rig::PySkeleton;
+    #[pymodule_export]
+    use super::skinning::{dual_quaternion_skinning, linear_blend_skinning, rest_space_offsets};
     #[pymodule_export]
     use super::spectral::{PyBiharmonicDistance, eigenpairs, laplacian};
     #[pymodule_export]

@@ -148,11 +148,14 @@ impl Schedule {
         let count = supernodes.n_supernodes();
         let parents = parents(supernodes);
         let starts = supernodes.col_ptr_for_val();
-        // Supernodes are in postorder: a subtree ends with its root.
+        // A subtree ends with its root. The ordering is nearly, not always, a postorder: a subtree
+        // is a task of its own only where all supernodes from its first to its root belong to it.
         let mut first: Vec<usize> = (0..count).collect();
+        let mut members = vec![1_usize; count];
         for supernode in 0..count {
             if let Some(parent) = parents[supernode] {
                 first[parent] = first[parent].min(first[supernode]);
+                members[parent] += members[supernode];
             }
         }
         let largest = supernodes.len_val().div_ceil(SUBTREES);
@@ -160,10 +163,14 @@ impl Schedule {
         let mut subtrees = Vec::new();
         let mut top = Vec::new();
         let mut outside_position = vec![0_u32; supernodes.row_idx().len()];
+        let mut in_subtree = vec![false; count];
         for root in (0..count).rev() {
-            if weight(root) > largest {
+            if parents[root].is_some_and(|parent| in_subtree[parent]) {
+                in_subtree[root] = true;
+            } else if weight(root) > largest || members[root] != root + 1 - first[root] {
                 top.push(root);
-            } else if parents[root].is_none_or(|parent| weight(parent) > largest) {
+            } else {
+                in_subtree[root] = true;
                 let columns = supernodes.supernode_begin()[first[root]]..supernodes.supernode_end()[root];
                 let outside = supernodes.supernode(root).pattern().to_vec();
                 for supernode in first[root]..=root {

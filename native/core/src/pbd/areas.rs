@@ -1,0 +1,281 @@
+//! Joint areas: where two bones blend, how thick the limb is there, and so which cell size its cage
+//! needs.
+
+use std::collections::BTreeSet;
+
+use glam::DVec3;
+
+use crate::mesh::TriangleMesh;
+use crate::rig::{Skeleton, distance_to_segment};
+use crate::skinning::SkinWeights;
+
+/// A vertex belongs to the blend of a joint while its share of the bones below is within this of
+/// neither 0 nor 1.
+const BLEND: f32 = 0.1;
+/// Cells across the radius of a limb.
+const CELLS_PER_RADIUS: f64 = 1.25;
+/// Joints whose cell sizes differ by at most this factor may share a cage.
+const SHARED_CELL_RATIO: f64 = 4.0;
+
+/// The joint at the head of a bone that has a parent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointArea {
+    /// The bone below the joint.
+    pub bone: u32,
+    /// The bone above it.
+    pub parent: u32,
+    /// Rest position of the joint.
+    pub centre: DVec3,
+    /// Median distance of the blending surface from the two bones.
+    pub radius: f64,
+    /// Cage that the area belongs to.
+    pub patch: u32,
+}
+
+/// All joint areas, and each vertex's share of the bones below each joint.
+#[derive(Debug, Clone)]
+pub struct JointAreas {
+    /// Areas in the order of their bones.
+    pub areas: Vec<JointArea>,
+    /// Cell size of each patch.
+    pub cell_sizes: Vec<f64>,
+    /// Area of each bone.
+    area_of_bone: Vec<Option<u32>>,
+    /// Entries `(bone, sum of the weights of the bone and all below)` of each vertex, bones ascending.
+    shares: Vec<Vec<(u32, f32)>>,
+    /// Area that each vertex counts to.
+    pub home: Vec<Option<u32>>,
+}
+
+impl JointAreas {
+    /// Finds the joints at which the surface blends. `weights` are normalised.
+    #[must_use]
+    pub fn new(
+        mesh: &TriangleMesh,
+        skeleton: &Skeleton,
+        weights: &SkinWeights,
+        cell_size: Option<f64>,
+    ) -> Self {
+        let shares = shares(skeleton, weights);
+        let edges = mean_edge_lengths(mesh);
+        let mut samples: Vec<Vec<(f64, f64)>> = vec![Vec::new(); skeleton.bone_count()];
+        for (vertex, row) in shares.iter().enumerate() {
+            for &(bone, share) in row {
+                if let Some(parent) = skeleton.parents()[bone as usize]
+                    && (BLEND..=1.0 - BLEND).contains(&share)
+                {
+                    let distance = limb_distance(skeleton, parent, bone, mesh.vertices()[vertex]);
+                    samples[bone as usize].push((distance, edges[vertex]));
+                }
+            }
+        }
+        let mut areas = Vec::new();
+        let mut area_of_bone = vec![None; skeleton.bone_count()];
+        for (bone, samples) in samples.iter().enumerate() {
+            let (Some(parent), false) = (skeleton.parents()[bone], samples.is_empty()) else { continue };
+            // A limb thinner than the mesh is fine, or a blend right on the bone, has no thickness
+            // that finer cells could resolve.
+            let radius = median(samples.iter().map(|s| s.0)).max(median(samples.iter().map(|s| s.1)));
+            if radius > 0.0 {
+                area_of_bone[bone] = Some(areas.len() as u32);
+                let centre = skeleton.heads()[bone];
+                areas.push(JointArea { bone: bone as u32, parent, centre, radius, patch: 0 });
+            }
+        }
+        let mut result = Self { areas, cell_sizes: Vec::new(), area_of_bone, shares, home: Vec::new() };
+        result.home =
+            (0..mesh.vertex_count()).map(|v| result.home_of(v, mesh.vertices()[v], weights)).collect();
+        result.group(mesh, cell_size);
+        result
+    }
+
+    /// Share of a bone and all bones below it in a vertex's weights.
+    #[must_use]
+    pub fn share(&self, vertex: usize, bone: u32) -> f32 {
+        let row = &self.shares[vertex];
+        row.binary_search_by_key(&bone, |entry| entry.0).map_or(0.0, |i| row[i].1)
+    }
+
+    /// The joint that blends most at a vertex, or else, relative to its radius, the nearest joint
+    /// of the bones that move it.
+    fn home_of(&self, vertex: usize, position: DVec3, weights: &SkinWeights) -> Option<u32> {
+        let blending = self.shares[vertex]
+            .iter()
+            .filter_map(|&(bone, share)| Some((self.area_of_bone[bone as usize]?, share.min(1.0 - share))))
+            .filter(|&(_, blend)| blend >= 0.5 * BLEND)
+            .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+        if let Some((area, _)) = blending {
+            return Some(area);
+        }
+        let bones = weights.row(vertex).0;
+        (0..)
+            .zip(&self.areas)
+            .filter(|(_, area)| bones.contains(&area.bone) || bones.contains(&area.parent))
+            .map(|(index, area)| (index, position.distance(area.centre) / area.radius))
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map(|(index, _)| index)
+    }
+
+    /// Gathers areas that touch and need similar cells into patches.
+    fn group(&mut self, mesh: &TriangleMesh, cell_size: Option<f64>) {
+        let count = self.areas.len();
+        if let Some(size) = cell_size {
+            self.cell_sizes = vec![size; count.min(1)];
+            return;
+        }
+        let ideal: Vec<f64> = self.areas.iter().map(|area| area.radius / CELLS_PER_RADIUS).collect();
+        let mut contact = BTreeSet::new();
+        for &([u, v], _) in mesh.topology().edges() {
+            if let (Some(a), Some(b)) = (self.home[u as usize], self.home[v as usize])
+                && a != b
+            {
+                contact.insert((a.min(b), a.max(b)));
+            }
+        }
+        // The most alike first.
+        let ratio = |&(a, b): &(u32, u32)| {
+            let (a, b) = (ideal[a as usize], ideal[b as usize]);
+            a.max(b) / a.min(b)
+        };
+        let mut pairs = Vec::from_iter(contact);
+        pairs.sort_by(|a, b| ratio(a).total_cmp(&ratio(b)).then(a.cmp(b)));
+        let mut group: Vec<u32> = (0..count as u32).collect();
+        let mut range: Vec<(f64, f64)> = ideal.iter().map(|&h| (h, h)).collect();
+        for (a, b) in pairs {
+            let (a, b) = (group[a as usize], group[b as usize]);
+            let (low, high) =
+                (range[a as usize].0.min(range[b as usize].0), range[a as usize].1.max(range[b as usize].1));
+            if a != b && high <= SHARED_CELL_RATIO * low {
+                let (into, from) = (a.min(b), a.max(b));
+                group.iter_mut().filter(|g| **g == from).for_each(|g| *g = into);
+                range[into as usize] = (low, high);
+            }
+        }
+        let mut patch_of_group = vec![None; count];
+        for (area, &group) in self.areas.iter_mut().zip(&group) {
+            let (low, high) = range[group as usize];
+            let patch = *patch_of_group[group as usize].get_or_insert_with(|| {
+                self.cell_sizes.push(low * (high / low).cbrt());
+                self.cell_sizes.len() as u32 - 1
+            });
+            area.patch = patch;
+        }
+    }
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Mean length of the edges at each vertex (V), 0 for a loose one.
+fn mean_edge_lengths(mesh: &TriangleMesh) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0.0f64); mesh.vertex_count()];
+    for &([a, b], _) in mesh.topology().edges() {
+        let length = mesh.vertices()[a as usize].distance(mesh.vertices()[b as usize]);
+        for v in [a, b] {
+            sums[v as usize].0 += length;
+            sums[v as usize].1 += 1.0;
+        }
+    }
+    sums.into_iter().map(|(sum, count)| sum / count.max(1.0)).collect()
+}
+
+/// Sums of weights over every bone's descendants, for each vertex.
+fn shares(skeleton: &Skeleton, weights: &SkinWeights) -> Vec<Vec<(u32, f32)>> {
+    let mut sums = vec![0.0f32; skeleton.bone_count()];
+    (0..weights.vertex_count())
+        .map(|vertex| {
+            let mut touched = Vec::new();
+            for (bone, weight) in weights.entries(vertex) {
+                let mut current = Some(bone);
+                while let Some(bone) = current {
+                    if sums[bone as usize] == 0.0 {
+                        touched.push(bone);
+                    }
+                    sums[bone as usize] += weight;
+                    current = skeleton.parents()[bone as usize];
+                }
+            }
+            touched.sort_unstable();
+            touched.into_iter().map(|bone| (bone, std::mem::take(&mut sums[bone as usize]))).collect()
+        })
+        .collect()
+}
+
+/// Distance from the two bones that meet at the head of `bone`.
+fn limb_distance(skeleton: &Skeleton, parent: u32, bone: u32, position: DVec3) -> f64 {
+    let (heads, tails) = (skeleton.heads(), skeleton.tails());
+    let joint = heads[bone as usize];
+    distance_to_segment(position, heads[parent as usize], joint).min(distance_to_segment(
+        position,
+        joint,
+        tails[bone as usize],
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A prism of radius 1 along x from −6 to 6 with a ring at every half, bones meeting at −2, 2.
+    fn prism(radius: impl Fn(f64) -> f64) -> (TriangleMesh, Skeleton, SkinWeights) {
+        let xs: Vec<f64> = (-12..=12).map(|i| f64::from(i) * 0.5).collect();
+        let vertices = xs.iter().flat_map(|&x| {
+            [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)]
+                .map(|(y, z)| DVec3::new(x, y, z) * DVec3::new(1.0, radius(x), radius(x)))
+        });
+        let triangles = (0..xs.len() as u32 - 1).flat_map(|i| {
+            (0..4).flat_map(move |k| {
+                let (a, b) = (4 * i + k, 4 * i + (k + 1) % 4);
+                [[a, b, b + 4], [a, b + 4, a + 4]]
+            })
+        });
+        let mesh = TriangleMesh::new(vertices.collect(), triangles.collect()).unwrap();
+        let heads = [-6.0, -2.0, 2.0].map(|x| DVec3::X * x).to_vec();
+        let tails = [-2.0, 2.0, 6.0].map(|x| DVec3::X * x).to_vec();
+        let skeleton = Skeleton::new(heads, tails, &[-1, 0, 1], None).unwrap();
+        let ramp = |x: f64| (x + 0.5).clamp(0.0, 1.0);
+        let entries = xs.iter().enumerate().flat_map(|(ring, &x)| {
+            let (second, third) = (ramp((x + 2.0) / 2.0), ramp((x - 2.0) / 2.0));
+            let row = [1.0 - second, second - third, third];
+            (0..4).flat_map(move |k| {
+                row.into_iter().enumerate().map(move |(b, w)| ((4 * ring + k) as i64, b as i64, w))
+            })
+        });
+        let weights = SkinWeights::from_triplets(entries, mesh.vertex_count(), 3).unwrap();
+        (mesh, skeleton, weights)
+    }
+
+    #[test]
+    fn joints_have_the_radius_of_their_limb_and_share_cells_when_alike() {
+        let (mesh, skeleton, weights) = prism(|_| 1.0);
+        let areas = JointAreas::new(&mesh, &skeleton, &weights, None);
+        assert_eq!(areas.areas.iter().map(|a| (a.bone, a.parent)).collect::<Vec<_>>(), [(1, 0), (2, 1)]);
+        assert!(areas.areas.iter().all(|a| (a.radius - 1.0).abs() < 1e-9 && a.patch == 0));
+        assert_eq!(areas.cell_sizes.len(), 1);
+        assert_eq!(areas.home[0], Some(0), "rigid, moved by the first bone");
+        assert_eq!(areas.home[mesh.vertex_count() - 1], Some(1));
+        assert!((areas.share(4 * 12, 1) - 1.0).abs() < 1e-6, "all below the first joint");
+    }
+
+    #[test]
+    fn joints_of_very_different_thickness_have_cells_of_their_own() {
+        let (mesh, skeleton, weights) = prism(|x| if x < 0.0 { 8.0 } else { 0.9 });
+        let areas = JointAreas::new(&mesh, &skeleton, &weights, None);
+        assert_eq!(areas.cell_sizes.len(), 2);
+        assert!(areas.cell_sizes[0] > 4.0 * areas.cell_sizes[1]);
+        let one = JointAreas::new(&mesh, &skeleton, &weights, Some(0.3));
+        assert_eq!(one.cell_sizes, [0.3]);
+    }
+
+    #[test]
+    fn without_blending_there_is_no_area() {
+        let (mesh, skeleton, _) = prism(|_| 1.0);
+        let rigid = (0..mesh.vertex_count() as i64).map(|v| (v, 0, 1.0));
+        let rigid = SkinWeights::from_triplets(rigid, mesh.vertex_count(), 3).unwrap();
+        let areas = JointAreas::new(&mesh, &skeleton, &rigid, None);
+        assert!(areas.areas.is_empty() && areas.cell_sizes.is_empty());
+    }
+}

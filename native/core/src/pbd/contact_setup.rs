@@ -1,0 +1,160 @@
+//! Contact candidates around each joint of an island, found in the rest pose.
+
+use glam::{DVec3, Vec3};
+
+use super::areas::JointArea;
+use super::contact::{ContactVertex, JointContact};
+use super::island::SurfacePoint;
+use super::patch::PatchInput;
+
+/// Vertices within this many radii of a joint can touch the other side.
+const CANDIDATE_REACH: f64 = 2.8;
+/// Sharpness with which the seam is looked up by direction around the joint.
+const SEAM_SHARPNESS: f64 = 8.0;
+
+/// Contact candidates of an island, joint by joint.
+pub(super) fn joint_contacts(
+    input: &PatchInput<'_>,
+    areas: &[JointArea],
+    surface: &[SurfacePoint],
+) -> Vec<JointContact> {
+    areas.iter().filter_map(|area| joint_contact(input, area, surface)).collect()
+}
+
+fn joint_contact(input: &PatchInput<'_>, area: &JointArea, surface: &[SurfacePoint]) -> Option<JointContact> {
+    let (heads, tails) = (input.skeleton.heads(), input.skeleton.tails());
+    let (up, down) = (heads[area.parent as usize], tails[area.bone as usize]);
+    let up_direction = (up - area.centre).try_normalize()?;
+    let down_direction = (down - area.centre).try_normalize()?;
+    let normal = (down_direction - up_direction).try_normalize()?;
+    let position = |v: u32| input.mesh.vertices()[v as usize];
+    let share = |v: u32| input.areas.share(v as usize, area.bone);
+    let reach = CANDIDATE_REACH * area.radius;
+    let points: Vec<u32> = (0..)
+        .zip(surface)
+        .filter(|(_, point)| position(point.vertex).distance(area.centre) <= reach)
+        .filter(|(_, point)| is_neighbour(input, area, point.vertex, share(point.vertex) > 0.5))
+        .map(|(index, _)| index)
+        .collect();
+    let mut candidate_of = vec![None; input.mesh.vertex_count()];
+    for (candidate, &point) in (0u32..).zip(&points) {
+        candidate_of[surface[point as usize].vertex as usize] = Some(candidate);
+    }
+    let seam = seam_heights(input, area, normal, &candidate_of);
+    if seam.is_empty() {
+        return None;
+    }
+    let around = Around::new(normal);
+    let mut vertices: Vec<ContactVertex> = points
+        .iter()
+        .map(|&point| {
+            let vertex = surface[point as usize].vertex;
+            let offset = position(vertex) - area.centre;
+            let below = share(vertex) > 0.5;
+            let seam = around.look_up(&seam, offset);
+            let beyond = offset.dot(normal) - seam;
+            let rest_violation = (if below { -beyond } else { beyond }).max(0.0) as f32;
+            ContactVertex { point, below, seam: seam as f32, rest_violation, rest_overlap: 0.0 }
+        })
+        .collect();
+    let rest: Vec<Vec3> = points.iter().map(|&p| position(surface[p as usize].vertex).as_vec3()).collect();
+    let mut contact = JointContact {
+        bone: area.bone,
+        parent: area.parent,
+        joint: area.centre.as_vec3(),
+        up: up.as_vec3(),
+        down: down.as_vec3(),
+        vertices: vertices.clone(),
+        spacing: spacing(input, &candidate_of),
+    };
+    for (vertex, overlap) in vertices.iter_mut().zip(contact.rest_overlaps(&rest)) {
+        vertex.rest_overlap = overlap;
+    }
+    contact.vertices = vertices;
+    Some(contact)
+}
+
+/// True for vertices that mostly follow a bone near the joint: over its plane, such bones are height
+/// fields, while a hand that hangs below the plane of a spine joint has not passed through anything.
+fn is_neighbour(input: &PatchInput<'_>, area: &JointArea, vertex: u32, below: bool) -> bool {
+    let parents = input.skeleton.parents();
+    let heaviest =
+        input.weights.entries(vertex as usize).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+    let Some((bone, _)) = heaviest else { return false };
+    let parent = parents[bone as usize];
+    if below {
+        bone == area.bone || parent == Some(area.bone)
+    } else {
+        bone == area.parent || parent == Some(area.parent) || parents[area.parent as usize] == Some(bone)
+    }
+}
+
+/// Where the surface passes from one side of the joint to the other: direction around the joint
+/// and height along the normal, at every edge where the share of the bones below passes one half.
+fn seam_heights(
+    input: &PatchInput<'_>,
+    area: &JointArea,
+    normal: DVec3,
+    candidate_of: &[Option<u32>],
+) -> Vec<(f64, f64)> {
+    let around = Around::new(normal);
+    let mut seam = Vec::new();
+    for triangle in input.mesh.triangles() {
+        if triangle.iter().any(|&v| candidate_of[v as usize].is_none()) {
+            continue;
+        }
+        for k in 0..3 {
+            let (u, v) = (triangle[k], triangle[(k + 1) % 3]);
+            let share = |v: u32| f64::from(input.areas.share(v as usize, area.bone)) - 0.5;
+            if share(u) * share(v) < 0.0 {
+                let t = share(u) / (share(u) - share(v));
+                let (a, b) = (input.mesh.vertices()[u as usize], input.mesh.vertices()[v as usize]);
+                let offset = a.lerp(b, t) - area.centre;
+                seam.push((around.angle(offset), offset.dot(normal)));
+            }
+        }
+    }
+    seam
+}
+
+/// Directions around an axis.
+struct Around {
+    x: DVec3,
+    y: DVec3,
+}
+
+impl Around {
+    fn new(axis: DVec3) -> Self {
+        let x = axis.any_orthonormal_vector();
+        Self { x, y: axis.cross(x) }
+    }
+
+    fn angle(&self, offset: DVec3) -> f64 {
+        offset.dot(self.y).atan2(offset.dot(self.x))
+    }
+
+    /// Mean height of the seam in the direction of an offset.
+    fn look_up(&self, seam: &[(f64, f64)], offset: DVec3) -> f64 {
+        let angle = self.angle(offset);
+        let (mut sum, mut total) = (0.0, f64::MIN_POSITIVE);
+        for &(direction, height) in seam {
+            let weight = (SEAM_SHARPNESS * ((direction - angle).cos() - 1.0)).exp();
+            sum += weight * height;
+            total += weight;
+        }
+        sum / total
+    }
+}
+
+/// Mean length of the edges between candidates.
+fn spacing(input: &PatchInput<'_>, candidate_of: &[Option<u32>]) -> f32 {
+    let (mut sum, mut count) = (0.0, 0u32);
+    for (v, _) in candidate_of.iter().enumerate().filter(|(_, candidate)| candidate.is_some()) {
+        let neighbours = input.adjacency.neighbours(v).iter().map(|&n| n as usize);
+        for n in neighbours.filter(|&n| n > v && candidate_of[n].is_some()) {
+            sum += input.mesh.vertices()[v].distance(input.mesh.vertices()[n]);
+            count += 1;
+        }
+    }
+    (sum / f64::from(count.max(1))) as f32
+}

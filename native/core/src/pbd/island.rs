@@ -1,0 +1,113 @@
+//! An island: the cage tetrahedra of one joint area, or of several that touch, with all that its
+//! constraints need. Islands share no free particle, so they are solved apart.
+
+use glam::{Affine3A, DVec3, Mat3A, Vec3, Vec3A};
+use nalgebra::Vector3;
+
+use super::contact::JointContact;
+use crate::skinning::SkinWeights;
+
+/// A particle's anchor on its nearest bone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Bind {
+    pub particle: u32,
+    pub bone: u32,
+    /// Rest position of the anchor.
+    pub anchor: Vec3,
+    pub rest_length: f32,
+}
+
+/// Particles and constraints of one island, in rest space.
+#[derive(Debug, Clone)]
+pub(super) struct Island {
+    /// Rest positions (P).
+    pub rest: Vec<Vec3>,
+    /// Weights of the particles (P rows, columns are the skeleton's bones).
+    pub weights: SkinWeights,
+    /// Inverse masses (P): 1 free, 0 held, between them where the island ends.
+    pub inverse_masses: Vec<f32>,
+    /// Edges with a free end, and their rest lengths.
+    pub edges: Vec<([u32; 2], f32)>,
+    /// Tetrahedra, every one with a free corner.
+    pub tetrahedra: Vec<[u32; 4]>,
+    /// Rest volume, the same for all of them.
+    pub rest_volume: f32,
+    /// Distances of each tetrahedron's corners from its barycentre in rest.
+    pub spring_lengths: Vec<[f32; 4]>,
+    pub binds: Vec<Bind>,
+    pub contacts: Vec<JointContact>,
+    /// Surface vertices that follow the island, `local` in the order of this list.
+    pub surface: Vec<SurfacePoint>,
+    /// Bones with weight on a particle, the heaviest first.
+    pub bones: Vec<u32>,
+    /// Largest distance in the island; the scale of its coordinates.
+    pub extent: f32,
+}
+
+/// A surface vertex embedded in an island.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct SurfacePoint {
+    pub vertex: u32,
+    pub corners: [u32; 4],
+    pub barycentric: [f32; 4],
+    /// Share of the island in the vertex's position; the rest is plain skinning.
+    pub share: f32,
+}
+
+impl SurfacePoint {
+    pub(super) fn position(&self, particles: &[Vector3<f32>]) -> Vector3<f32> {
+        let [a, b, c, d] = self.corners.map(|corner| particles[corner as usize]);
+        let [s, t, u, v] = self.barycentric;
+        a * s + b * t + c * u + d * v
+    }
+}
+
+impl Island {
+    /// Number of constraints of each kind: stretch, volume, bind, energy, self-collision.
+    pub(super) fn constraint_counts(&self) -> [usize; 5] {
+        let contacts = self.contacts.iter().map(|c| c.vertices.len()).sum();
+        [self.edges.len(), self.tetrahedra.len(), self.binds.len(), self.tetrahedra.len(), contacts]
+    }
+
+    /// The frame that moves with the island's heaviest bone: rotation, uniform scale, translation.
+    /// `None` where the bone is flattened. In this frame the island is solved, so that it neither
+    /// notices where the character stands nor how large it is scaled.
+    pub(super) fn frame(&self, transforms: &[Affine3A]) -> Option<Affine3A> {
+        let reference = &transforms[*self.bones.first()? as usize];
+        let m = &reference.matrix3;
+        let determinant = m.determinant();
+        let scale = determinant.abs().cbrt();
+        let x = m.x_axis.try_normalize()?;
+        let y = (m.y_axis - x * m.y_axis.dot(x)).try_normalize()?;
+        let z = x.cross(y) * determinant.signum();
+        let matrix3 = Mat3A::from_cols(x * scale, y * scale, z * scale);
+        let frame = Affine3A { matrix3, translation: reference.translation };
+        (scale > f32::MIN_POSITIVE && frame.inverse().is_finite()).then_some(frame)
+    }
+
+    /// True where no bone has moved relative to the frame, up to rounding.
+    pub(super) fn is_at_rest(&self, local: &[Affine3A]) -> bool {
+        self.bones.iter().all(|&bone| {
+            let t = &local[bone as usize];
+            t.matrix3.abs_diff_eq(Mat3A::IDENTITY, STILL)
+                && t.translation.abs_diff_eq(Vec3A::ZERO, STILL * self.extent)
+        })
+    }
+}
+
+/// Relative motion below this is the rounding of f32 matrices.
+const STILL: f32 = 2e-6;
+
+pub(super) fn vector(v: Vec3) -> Vector3<f32> {
+    Vector3::new(v.x, v.y, v.z)
+}
+
+pub(super) fn from_vector(v: Vector3<f32>) -> Vec3 {
+    Vec3::new(v.x, v.y, v.z)
+}
+
+/// Distances of four points from their barycentre.
+pub(super) fn spring_lengths(corners: [DVec3; 4]) -> [f32; 4] {
+    let centre = corners.iter().sum::<DVec3>() * 0.25;
+    corners.map(|corner| corner.distance(centre) as f32)
+}

@@ -1,0 +1,34 @@
+//! Position-based skin (section 4.2): constraints on a cage, solved island by island.
+
+mod areas;
+mod bind;
+mod contact;
+mod contact_setup;
+mod energy;
+mod error;
+#[cfg(test)]
+mod finite_difference;
+mod island;
+mod masks;
+mod patch;
+mod self_collision;
+mod settings;
+mod skin;
+mod smoothing;
+mod solver;
+mod stats;
+mod stretch;
+mod surface_contact;
+mod volume;
+
+pub use areas::{JointArea, JointAreas};
+pub use bind::project_bind;
+pub use energy::{barycentre, project_energy, project_energy_paper, project_spring};
+pub use error::PbdError;
+pub use self_collision::{ProjectionPlane, has_crossed, mean_value_coordinates, relax, signed_distance};
+pub use settings::{EnergyForm, PbdSettings, Region, SkinningMethod, Start};
+pub use skin::{PbdSkin, SolvedSkin};
+pub use smoothing::smooth_correction;
+pub use stats::{ConstraintCounts, Milliseconds, Stats};
+pub use stretch::project_stretch;
+pub use volume::{least_volume_divisor, project_volume, signed_volume, volume_gradients};

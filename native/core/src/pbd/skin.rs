@@ -1,0 +1,327 @@
+//! The skin: built once from mesh, skeleton and weights, then a pure function from poses to
+//! vertices.
+
+use std::sync::Mutex;
+use std::time::Instant;
+
+use glam::{Affine3A, Vec3};
+use rayon::prelude::*;
+
+use super::areas::JointAreas;
+use super::island::{Island, from_vector};
+use super::masks::PatchMasks;
+use super::patch::{PatchInput, build_patch};
+use super::smoothing::smooth_correction;
+use super::solver::{Scratch, inverted, solve_island};
+use super::stats::{ConstraintCounts, Milliseconds, Stats};
+use super::surface_contact::SurfaceContacts;
+use super::{PbdError, PbdSettings, SkinningMethod};
+use crate::cage::{TetMesh, WindingNumber};
+use crate::mesh::{Adjacency, SurfaceQuery, TriangleMesh};
+use crate::rig::Skeleton;
+use crate::skinning::{SkinWeights, Skinning, SkinningError, check_transforms};
+
+/// A character's skin with volume-keeping joints. History-free: the same arguments give the same
+/// bits, whatever was solved before and on any number of threads.
+pub struct PbdSkin {
+    settings: PbdSettings,
+    rest: Vec<Vec3>,
+    weights: SkinWeights,
+    adjacency: Adjacency,
+    islands: Vec<Island>,
+    contacts: Vec<SurfaceContacts>,
+    /// Vertices that some island moves, ascending.
+    moved: Vec<u32>,
+    constraints: ConstraintCounts,
+    build_milliseconds: f64,
+    pool: Option<rayon::ThreadPool>,
+    /// Buffers of solves that are over, for the next ones.
+    scratch: Mutex<Vec<Vec<IslandScratch>>>,
+}
+
+#[derive(Default)]
+struct IslandScratch {
+    local: Vec<Affine3A>,
+    solver: Scratch,
+    /// The frame, where the island is active.
+    frame: Option<Affine3A>,
+    milliseconds: f64,
+    inverted: usize,
+}
+
+/// A solved pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolvedSkin {
+    /// Positions (V).
+    pub vertices: Vec<Vec3>,
+    /// What it took.
+    pub stats: Stats,
+}
+
+impl PbdSkin {
+    /// Builds cages, islands and constraints. A mesh without triangles or without blending joints
+    /// is a skin too: it is only ever skinned plainly.
+    ///
+    /// # Errors
+    /// [`PbdError`] when counts differ, a setting is out of range, or the cage would be too large.
+    pub fn new(
+        mesh: &TriangleMesh,
+        skeleton: &Skeleton,
+        weights: &SkinWeights,
+        settings: &PbdSettings,
+    ) -> Result<Self, PbdError> {
+        let begin = Instant::now();
+        settings.check()?;
+        for (element, left, left_count, right, right_count) in [
+            ("vertices", "mesh", mesh.vertex_count(), "weights", weights.vertex_count()),
+            ("bones", "skeleton", skeleton.bone_count(), "weights", weights.bone_count()),
+        ] {
+            if left_count != right_count {
+                return Err(PbdError::Mismatch { element, left, left_count, right, right_count });
+            }
+        }
+        let pool = settings.threads.map(|count| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build();
+            pool.map_err(|e| PbdError::Threads { count, reason: e.to_string() })
+        });
+        let pool = pool.transpose()?;
+        let adjacency = Adjacency::new(mesh.vertex_count(), &mesh.topology());
+        let build = || build_islands(mesh, skeleton, weights, settings, &adjacency);
+        let islands = pool.as_ref().map_or_else(build, |pool| pool.install(build))?;
+        let mut moved: Vec<u32> = islands.iter().flat_map(|i| i.surface.iter().map(|p| p.vertex)).collect();
+        moved.sort_unstable();
+        moved.dedup();
+        let contacts = islands.iter().map(|island| SurfaceContacts::new(mesh, island)).collect();
+        let constraints = ConstraintCounts::of(&islands, settings);
+        Ok(Self {
+            settings: settings.clone(),
+            rest: mesh.vertices().iter().map(|v| v.as_vec3()).collect(),
+            weights: weights.clone(),
+            adjacency,
+            islands,
+            contacts,
+            moved,
+            constraints,
+            build_milliseconds: milliseconds(begin),
+            pool,
+            scratch: Mutex::new(Vec::new()),
+        })
+    }
+
+    /// Solves a pose. `transforms` (B) are pose · rest⁻¹; `vertices` (V) replace the rest positions
+    /// of the surface, for shape keys that act before the armature.
+    ///
+    /// # Errors
+    /// [`PbdError::Skinning`] naming a bone or vertex that is not finite, or a wrong count.
+    pub fn solve(&self, transforms: &[Affine3A], vertices: Option<&[Vec3]>) -> Result<SolvedSkin, PbdError> {
+        self.check_pose(transforms, vertices)?;
+        let solve = || self.solve_checked(transforms, vertices.unwrap_or(&self.rest));
+        Ok(self.pool.as_ref().map_or_else(solve, |pool| pool.install(solve)))
+    }
+
+    fn check_pose(&self, transforms: &[Affine3A], vertices: Option<&[Vec3]>) -> Result<(), SkinningError> {
+        let vertex_count = vertices.map_or(self.rest.len(), <[Vec3]>::len);
+        for (element, expected, given) in [
+            ("transforms", self.weights.bone_count(), transforms.len()),
+            ("vertices", self.rest.len(), vertex_count),
+        ] {
+            if expected != given {
+                return Err(SkinningError::Count { element, expected, given });
+            }
+        }
+        check_transforms(transforms)?;
+        match vertices.and_then(|v| v.iter().position(|v| !v.is_finite())) {
+            Some(vertex) => Err(SkinningError::NonFiniteVertex { vertex }),
+            None => Ok(()),
+        }
+    }
+
+    fn solve_checked(&self, transforms: &[Affine3A], vertices: &[Vec3]) -> SolvedSkin {
+        let begin = Instant::now();
+        let skinning = match self.settings.skinning {
+            SkinningMethod::Linear => Skinning::linear(transforms),
+            SkinningMethod::DualQuaternion => Skinning::dual_quaternion(transforms, None),
+        };
+        let mut positions = vec![Vec3::ZERO; vertices.len()];
+        skinning.all_into(vertices, &self.weights, &mut positions);
+        let skinning_milliseconds = milliseconds(begin);
+
+        let islands_begin = Instant::now();
+        let mut scratch = self.take_scratch();
+        self.islands.par_iter().zip(&mut scratch).with_max_len(1).for_each(|(island, scratch)| {
+            self.solve_one(island, transforms, scratch);
+        });
+        let islands_milliseconds = milliseconds(islands_begin);
+
+        let surface_begin = Instant::now();
+        self.correct(&skinning, vertices, &scratch, &mut positions);
+        let stats = Stats {
+            vertices: self.rest.len(),
+            moved_vertices: self.moved.len(),
+            tetrahedra: self.islands.iter().map(|i| i.tetrahedra.len()).sum(),
+            islands: self.islands.len(),
+            active_islands: scratch.iter().filter(|s| s.frame.is_some()).count(),
+            constraints: self.constraints,
+            inverted: scratch.iter().map(|s| s.inverted).sum(),
+            milliseconds: Milliseconds {
+                build: self.build_milliseconds,
+                skinning: skinning_milliseconds,
+                solve: islands_milliseconds,
+                surface: milliseconds(surface_begin),
+                total: milliseconds(begin),
+            },
+        };
+        self.give_scratch(scratch);
+        SolvedSkin { vertices: positions, stats }
+    }
+
+    fn solve_one(&self, island: &Island, transforms: &[Affine3A], scratch: &mut IslandScratch) {
+        let begin = Instant::now();
+        scratch.inverted = 0;
+        scratch.frame = island.frame(transforms);
+        if let Some(frame) = scratch.frame {
+            let inverse = frame.inverse();
+            scratch.local.clear();
+            scratch.local.extend(transforms.iter().map(|t| inverse * *t));
+            if island.is_at_rest(&scratch.local) {
+                scratch.frame = None;
+            } else {
+                solve_island(island, &self.settings, &scratch.local, &mut scratch.solver);
+                scratch.inverted = inverted(island, &scratch.solver.positions);
+                let finite = scratch.solver.positions.iter().all(|p| p.iter().all(|x| x.is_finite()));
+                if !finite {
+                    // Overflow by absurd transforms: the plain skin is all that can be shown.
+                    scratch.frame = None;
+                    scratch.inverted = 0;
+                }
+            }
+        }
+        scratch.milliseconds = milliseconds(begin);
+    }
+
+    /// Moves the plainly skinned surface to where its islands have solved it.
+    fn correct(
+        &self,
+        skinning: &Skinning<'_>,
+        vertices: &[Vec3],
+        scratch: &[IslandScratch],
+        positions: &mut [Vec3],
+    ) {
+        if scratch.iter().all(|s| s.frame.is_none()) {
+            return;
+        }
+        let mut correction = vec![Vec3::ZERO; positions.len()];
+        for (island, scratch) in self.islands.iter().zip(scratch) {
+            let Some(frame) = &scratch.frame else { continue };
+            for point in &island.surface {
+                let vertex = point.vertex as usize;
+                let solved = from_vector(point.position(&scratch.solver.positions));
+                let plain = skinning.vertex(self.rest[vertex], self.weights.row(vertex));
+                correction[vertex] += point.share * (frame.transform_point3(solved) - plain);
+            }
+        }
+        if self.settings.smoothing > 0.0 {
+            let mut buffer = Vec::new();
+            smooth_correction(
+                &mut correction,
+                &self.moved,
+                &self.adjacency,
+                self.settings.smoothing,
+                &mut buffer,
+            );
+        }
+        for &vertex in &self.moved {
+            positions[vertex as usize] += correction[vertex as usize];
+        }
+        if self.settings.self_collision && std::ptr::eq(vertices, self.rest.as_slice()) {
+            for ((island, contacts), scratch) in self.islands.iter().zip(&self.contacts).zip(scratch) {
+                if let Some(frame) = &scratch.frame {
+                    contacts.separate(island, frame, &scratch.local, positions);
+                }
+            }
+        }
+    }
+
+    fn take_scratch(&self) -> Vec<IslandScratch> {
+        let kept = self.scratch.lock().map_or(None, |mut pool| pool.pop());
+        let mut scratch = kept.unwrap_or_default();
+        scratch.resize_with(self.islands.len(), IslandScratch::default);
+        scratch
+    }
+
+    fn give_scratch(&self, scratch: Vec<IslandScratch>) {
+        if let Ok(mut pool) = self.scratch.lock() {
+            pool.push(scratch);
+        }
+    }
+
+    /// The cage tetrahedra of all islands, in rest; islands do not share vertices.
+    #[must_use]
+    pub fn cage(&self) -> TetMesh {
+        let mut cage = TetMesh::default();
+        for island in &self.islands {
+            let vertices = island.rest.iter().map(|v| v.as_dvec3()).collect();
+            cage.append(&TetMesh::new(vertices, island.tetrahedra.clone()));
+        }
+        cage
+    }
+
+    /// The settings that the skin was built with.
+    #[must_use]
+    pub fn settings(&self) -> &PbdSettings {
+        &self.settings
+    }
+
+    /// What was built, before any pose is solved.
+    #[must_use]
+    pub fn build_stats(&self) -> Stats {
+        Stats {
+            vertices: self.rest.len(),
+            moved_vertices: self.moved.len(),
+            tetrahedra: self.islands.iter().map(|i| i.tetrahedra.len()).sum(),
+            islands: self.islands.len(),
+            constraints: self.constraints,
+            milliseconds: Milliseconds { build: self.build_milliseconds, ..Milliseconds::default() },
+            ..Stats::default()
+        }
+    }
+}
+
+fn build_islands(
+    mesh: &TriangleMesh,
+    skeleton: &Skeleton,
+    weights: &SkinWeights,
+    settings: &PbdSettings,
+    adjacency: &Adjacency,
+) -> Result<Vec<Island>, PbdError> {
+    let Ok(surface) = SurfaceQuery::new(mesh) else {
+        return Ok(Vec::new());
+    };
+    let weights = weights.normalized();
+    let areas = JointAreas::new(mesh, skeleton, &weights, settings.cell_size);
+    let masks = PatchMasks::new(mesh, adjacency, &areas);
+    let winding = WindingNumber::new(mesh);
+    let input = PatchInput {
+        mesh,
+        skeleton,
+        weights: &weights,
+        areas: &areas,
+        masks: &masks,
+        winding: &winding,
+        surface: &surface,
+        adjacency,
+        region: settings.region,
+    };
+    let patches: Result<Vec<Vec<Island>>, PbdError> = (0..areas.cell_sizes.len() as u32)
+        .into_par_iter()
+        .map(|patch| build_patch(&input, patch, settings.cell_size))
+        .collect();
+    let mut islands: Vec<Island> = patches?.into_iter().flatten().collect();
+    // The largest first, so that no thread starts it last.
+    islands.sort_by_key(|island| std::cmp::Reverse(island.tetrahedra.len()));
+    Ok(islands)
+}
+
+fn milliseconds(since: Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
+}

@@ -1,0 +1,186 @@
+//! `PbdSkin`.
+
+use std::sync::{Mutex, PoisonError};
+
+use dermis::pbd::{self, EnergyForm, PbdError, PbdSettings, Region, SkinningMethod, Start, Stats};
+use numpy::PyArray2;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::cage::{PyTetMesh, cage_error};
+use crate::errors::{DermisError, value_error};
+use crate::mesh::PyTriangleMesh;
+use crate::poses::{positions, positions_array};
+use crate::rig::PySkeleton;
+use crate::skinning::{Pose, pose};
+use crate::weights::PySkinWeights;
+
+/// A character's skin with joints that keep their volume (section 4.2).
+///
+/// Built once; `solve` is then a pure function from poses to vertices: the same arguments give the
+/// same bits, whatever was solved before and on any number of threads. Every setting that is None
+/// comes from `preset`: "default", "paper" (Algorithm 1 as printed) or "rumman_fratarcangeli".
+/// Constraint strengths (`stretch`, `volume`, `bind`, `energy`) go from 0 (off) to 1.
+#[pyclass(frozen, name = "PbdSkin", module = "dermis_native")]
+pub(crate) struct PyPbdSkin {
+    skin: pbd::PbdSkin,
+    last: Mutex<Stats>,
+}
+
+#[pymethods]
+impl PyPbdSkin {
+    #[new]
+    #[pyo3(signature = (
+        mesh, skeleton, weights, *, preset="default", iterations=None, volume_sweeps=None, start=None,
+        skinning="linear", stretch=None, volume=None, bind=None, energy=None, energy_form=None, stiffness=None,
+        self_collision=None, smoothing=None, region=None, cell_size=None, threads=None
+    ))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        py: Python<'_>,
+        mesh: &PyTriangleMesh,
+        skeleton: &PySkeleton,
+        weights: &PySkinWeights,
+        preset: &str,
+        iterations: Option<u32>,
+        volume_sweeps: Option<u32>,
+        start: Option<&str>,
+        skinning: &str,
+        stretch: Option<f32>,
+        volume: Option<f32>,
+        bind: Option<f32>,
+        energy: Option<f32>,
+        energy_form: Option<&str>,
+        stiffness: Option<f32>,
+        self_collision: Option<bool>,
+        smoothing: Option<f32>,
+        region: Option<&str>,
+        cell_size: Option<f64>,
+        threads: Option<usize>,
+    ) -> PyResult<Self> {
+        let of_preset = PbdSettings::preset(preset)
+            .ok_or_else(|| choice_error("preset", preset, &["default", "paper", "rumman_fratarcangeli"]))?;
+        let settings = PbdSettings {
+            iterations: iterations.unwrap_or(of_preset.iterations),
+            volume_sweeps: volume_sweeps.unwrap_or(of_preset.volume_sweeps),
+            start: choose("start", start, &STARTS)?.unwrap_or(of_preset.start),
+            skinning: choose("skinning", Some(skinning), &METHODS)?.unwrap_or(of_preset.skinning),
+            stretch: stretch.unwrap_or(of_preset.stretch),
+            volume: volume.unwrap_or(of_preset.volume),
+            bind: bind.unwrap_or(of_preset.bind),
+            energy: energy.unwrap_or(of_preset.energy),
+            energy_form: choose("energy_form", energy_form, &ENERGY_FORMS)?.unwrap_or(of_preset.energy_form),
+            stiffness: stiffness.unwrap_or(of_preset.stiffness),
+            self_collision: self_collision.unwrap_or(of_preset.self_collision),
+            smoothing: smoothing.unwrap_or(of_preset.smoothing),
+            region: choose("region", region, &REGIONS)?.unwrap_or(of_preset.region),
+            cell_size: cell_size.or(of_preset.cell_size),
+            threads: threads.or(of_preset.threads),
+            ..of_preset
+        };
+        let skin = py.detach(|| pbd::PbdSkin::new(&mesh.0, &skeleton.0, &weights.0, &settings));
+        let skin = skin.map_err(pbd_error)?;
+        let last = Mutex::new(skin.build_stats());
+        Ok(Self { skin, last })
+    }
+
+    /// Vertices (V,3) float32 of a pose: transforms (B,4,4) = pose · rest⁻¹. vertices (V,3) replace
+    /// the rest positions, for shape keys that act before the armature.
+    #[pyo3(signature = (transforms, vertices=None))]
+    fn solve<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = pose)] transforms: Pose,
+        vertices: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let vertices = vertices.map(|v| positions(v, "vertices")).transpose()?;
+        let solved = py.detach(|| self.skin.solve(&transforms.0, vertices.as_deref())).map_err(pbd_error)?;
+        *self.last.lock().unwrap_or_else(PoisonError::into_inner) = solved.stats;
+        positions_array(py, &solved.vertices)
+    }
+
+    /// Tetrahedra of all islands, in rest.
+    #[getter]
+    fn cage(&self) -> PyTetMesh {
+        PyTetMesh(self.skin.cage())
+    }
+
+    /// What the skin consists of and what the last solve took.
+    #[getter]
+    fn stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let stats = *self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let constraints = PyDict::new(py);
+        for (kind, count) in [
+            ("stretch", stats.constraints.stretch),
+            ("volume", stats.constraints.volume),
+            ("bind", stats.constraints.bind),
+            ("energy", stats.constraints.energy),
+            ("self_collision", stats.constraints.self_collision),
+        ] {
+            constraints.set_item(kind, count)?;
+        }
+        let milliseconds = PyDict::new(py);
+        for (phase, time) in [
+            ("build", stats.milliseconds.build),
+            ("skinning", stats.milliseconds.skinning),
+            ("solve", stats.milliseconds.solve),
+            ("surface", stats.milliseconds.surface),
+            ("total", stats.milliseconds.total),
+        ] {
+            milliseconds.set_item(phase, time)?;
+        }
+        let result = PyDict::new(py);
+        for (name, count) in [
+            ("vertices", stats.vertices),
+            ("moved_vertices", stats.moved_vertices),
+            ("tetrahedra", stats.tetrahedra),
+            ("islands", stats.islands),
+            ("active_islands", stats.active_islands),
+            ("inverted", stats.inverted),
+        ] {
+            result.set_item(name, count)?;
+        }
+        result.set_item("constraints", constraints)?;
+        result.set_item("milliseconds", milliseconds)?;
+        Ok(result)
+    }
+
+    fn __repr__(&self) -> String {
+        let stats = self.skin.build_stats();
+        format!(
+            "PbdSkin({} vertices, {} islands, {} tetrahedra)",
+            stats.vertices, stats.islands, stats.tetrahedra
+        )
+    }
+}
+
+const STARTS: [(&str, Start); 3] =
+    [("auto", Start::Auto), ("linear", Start::Linear), ("dual_quaternion", Start::DualQuaternion)];
+const METHODS: [(&str, SkinningMethod); 2] =
+    [("linear", SkinningMethod::Linear), ("dual_quaternion", SkinningMethod::DualQuaternion)];
+const ENERGY_FORMS: [(&str, EnergyForm); 2] =
+    [("compliant", EnergyForm::Compliant), ("paper", EnergyForm::Paper)];
+const REGIONS: [(&str, Region); 2] = [("joints", Region::Joints), ("all", Region::All)];
+
+fn choose<T: Copy>(name: &str, given: Option<&str>, choices: &[(&str, T)]) -> PyResult<Option<T>> {
+    let Some(given) = given else { return Ok(None) };
+    match choices.iter().find(|(label, _)| *label == given) {
+        Some(&(_, value)) => Ok(Some(value)),
+        None => {
+            let labels: Vec<&str> = choices.iter().map(|choice| choice.0).collect();
+            Err(choice_error(name, given, &labels))
+        }
+    }
+}
+
+fn choice_error(name: &str, given: &str, labels: &[&str]) -> PyErr {
+    value_error(format!("{name} must be one of {}, got \"{given}\"", labels.join(", ")))
+}
+
+fn pbd_error(error: PbdError) -> PyErr {
+    match error {
+        PbdError::Cage(error) => cage_error(error),
+        PbdError::Threads { .. } => DermisError::new_err(error.to_string()),
+        PbdError::Mismatch { .. } | PbdError::Setting { .. } | PbdError::Skinning(_) => value_error(error),
+    }
+}
