@@ -123,63 +123,41 @@ impl LdlFactor {
         sizes
     }
 
-    /// Replaces eight right-hand sides by their solutions; rows are in permuted order.
-    pub(super) fn solve(&self, block: &mut [Lanes]) {
+    /// Applies the inverse `times` times to eight vectors; rows are in permuted order.
+    pub(super) fn solve(&self, block: &mut [Lanes], times: usize) {
+        if times == 0 {
+            return;
+        }
+        let mut owed = self.subtrees(block, |mut part| part.forward());
+        for round in 1..=times {
+            let known = self.solve_top(block, &owed);
+            owed = self.subtrees(block, |mut part| {
+                part.backward(&known[part.at]);
+                // The next solve begins where this one ends, while the factor is in the cache.
+                if round < times { part.forward() } else { Vec::new() }
+            });
+        }
+    }
+
+    /// Both passes over the supernodes above the subtrees. Takes what each subtree owes to the
+    /// rows above it, and returns the solution there.
+    fn solve_top(&self, block: &mut [Lanes], owed: &[Block]) -> Vec<Block> {
         let schedule = &self.symbolic.schedule;
-        // Each subtree adds what it owes to the rows above into memory of its own; the sums are
-        // then taken over in the fixed order of the subtrees.
-        let owed: Vec<Block> = self
-            .split(block)
-            .into_par_iter()
-            .map(|(subtree, own, _)| {
-                let mut owed = vec![Lanes::ZERO; subtree.outside.len()];
-                vectorized(Forward {
-                    factor: self,
-                    supernodes: subtree.supernodes.clone(),
-                    own,
-                    start: subtree.columns.start,
-                    outside: &mut owed,
-                });
-                owed
-            })
-            .collect();
-        for (subtree, owed) in schedule.subtrees.iter().zip(&owed) {
+        // In the fixed order of the subtrees.
+        for (subtree, owed) in schedule.subtrees.iter().zip(owed) {
             for (&row, owed) in subtree.outside.iter().zip(owed) {
                 block[row].add(owed);
             }
         }
-        vectorized(Forward {
-            factor: self,
-            supernodes: schedule.top.iter().copied(),
-            own: block,
-            start: 0,
-            outside: &mut [],
-        });
-        vectorized(Backward {
-            factor: self,
-            supernodes: schedule.top.iter().rev().copied(),
-            own: block,
-            start: 0,
-            outside: &[],
-        });
-        let known: Vec<Block> = schedule
-            .subtrees
-            .iter()
-            .map(|subtree| subtree.outside.iter().map(|&row| block[row]).collect())
-            .collect();
-        self.split(block).into_par_iter().for_each(|(subtree, own, at)| {
-            vectorized(Backward {
-                factor: self,
-                supernodes: subtree.supernodes.clone().rev(),
-                own,
-                start: subtree.columns.start,
-                outside: &known[at],
-            });
-        });
+        let top = schedule.top.iter().copied();
+        vectorized(Forward { factor: self, supernodes: top.clone(), own: block, start: 0, outside: &mut [] });
+        vectorized(Backward { factor: self, supernodes: top.rev(), own: block, start: 0, outside: &[] });
+        let solution = |subtree: &Subtree| subtree.outside.iter().map(|&row| block[row]).collect();
+        schedule.subtrees.iter().map(solution).collect()
     }
 
-    /// The rows that belong to each subtree.
-    fn split<'a>(&'a self, block: &'a mut [Lanes]) -> Vec<(&'a Subtree, &'a mut [Lanes], usize)> {
+    /// Runs `work` on every subtree and its rows, side by side.
+    fn subtrees(&self, block: &mut [Lanes], work: impl Fn(Part) -> Block + Send + Sync) -> Vec<Block> {
         let mut rest = block;
         let mut start = 0;
         let mut parts = Vec::with_capacity(self.symbolic.schedule.subtrees.len());
@@ -188,8 +166,43 @@ impl LdlFactor {
             let (own, tail) = tail.split_at_mut(subtree.columns.len());
             rest = tail;
             start = subtree.columns.end;
-            parts.push((subtree, own, at));
+            parts.push(Part { factor: self, subtree, own, at });
         }
-        parts
+        parts.into_par_iter().map(work).collect()
+    }
+}
+
+/// The rows of one subtree.
+struct Part<'a> {
+    factor: &'a LdlFactor,
+    subtree: &'a Subtree,
+    own: &'a mut [Lanes],
+    /// Index of the subtree.
+    at: usize,
+}
+
+impl Part<'_> {
+    /// Solves with L; returns what the subtree owes to the rows above it.
+    fn forward(&mut self) -> Block {
+        let mut owed = vec![Lanes::ZERO; self.subtree.outside.len()];
+        vectorized(Forward {
+            factor: self.factor,
+            supernodes: self.subtree.supernodes.clone(),
+            own: self.own,
+            start: self.subtree.columns.start,
+            outside: &mut owed,
+        });
+        owed
+    }
+
+    /// Solves with D Lᵀ, given the solution in the rows above.
+    fn backward(&mut self, known: &[Lanes]) {
+        vectorized(Backward {
+            factor: self.factor,
+            supernodes: self.subtree.supernodes.clone().rev(),
+            own: self.own,
+            start: self.subtree.columns.start,
+            outside: known,
+        });
     }
 }

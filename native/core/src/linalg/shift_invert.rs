@@ -12,7 +12,7 @@ use super::lanes::{Block, Lanes, WIDTH};
 
 /// Applications of the shifted inverse per step of the iteration. Two need more solves than one
 /// but a basis smaller by a quarter, and orthogonalisation grows with its square.
-const POWER: i32 = 2;
+const POWER: usize = 2;
 
 /// Distance of the shift below zero, as a fraction of the estimated largest wanted eigenvalue:
 /// small, so that the wanted end of the spectrum is spread out, but enough for a well conditioned
@@ -55,18 +55,14 @@ impl Problem<'_> {
         let (shift, factor) = self.shifted_factor(&symbolic, pairs)?;
         progress.report(0.08)?;
         let original = &symbolic.inner().original;
-        let operator = |block: &mut [Lanes]| {
-            for _ in 0..POWER {
-                factor.ldl().solve(block);
-            }
-        };
+        let operator = |block: &mut [Lanes]| factor.ldl().solve(block, POWER);
         let mut lanczos = BlockLanczos::new(size, self.null_blocks(original), self.null.len(), SEED);
         let started = match start {
             Some(start) => lanczos.add_block(original.iter().map(|&index| start[index]).collect()),
             None => lanczos.add_random_block(operator),
         };
         let mut room = started;
-        let mut target = pairs + pairs / 2 + 4 * WIDTH;
+        let mut target = 2 * pairs + 5 * WIDTH;
         let mut attempts = 0;
         while room && target < 6 * pairs + 64 * WIDTH {
             while room && lanczos.dimension() < target {
@@ -80,7 +76,7 @@ impl Problem<'_> {
             let ritz = lanczos.ritz()?;
             let found = Found::new(&ritz, shift, pairs);
             let Some((below, count, gap)) = self.count(&symbolic, &found.gaps)? else {
-                target += (target / 12).max(2 * WIDTH);
+                target += (target / 24).max(WIDTH);
                 continue;
             };
             progress.report(0.9)?;
@@ -184,7 +180,7 @@ impl Found {
         let mut list: Vec<(f64, f64, usize)> = Vec::new();
         for (at, (&value, &residual)) in ritz.values.iter().zip(&ritz.residuals).enumerate() {
             if value > 0.0 {
-                let distance = value.powf(-1.0 / f64::from(POWER));
+                let distance = value.powf(-1.0 / POWER as f64);
                 list.push((shift + distance, distance * (residual / value), at));
             }
         }

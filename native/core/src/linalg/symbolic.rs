@@ -12,9 +12,10 @@ use faer::sparse::linalg::{SymbolicSupernodalParams, amd};
 use super::error::LinalgError;
 use super::sparse::{SparsityPattern, SymmetricMatrix};
 
-/// A subtree with less than this fraction of the factor's entries is one parallel task. Fixed,
-/// so that the order of additions does not depend on the number of threads.
-const SUBTREES: usize = 16;
+/// A subtree with less than one part in this many of the factor's entries is one task: small enough
+/// to stay in a core's cache between two solves. Fixed, so that the order of additions does not depend
+/// on the number of threads.
+const SUBTREES: usize = 32;
 
 /// What is named when memory runs out.
 const ANALYSIS: &str = "symbolic factorisation";
