@@ -38,8 +38,9 @@ def body_poses(skeleton):
         vector = skeleton.tails[bone[name]] - skeleton.heads[bone[name]]
         return vector / np.linalg.norm(vector)
 
-    sideways, forward = np.array([1.0, 0, 0]), np.array([0, -1.0, 0])
-    elbow = np.cross(direction("lowerarm_l"), forward)
+    sideways = np.array([1.0, 0, 0])
+    # The plane in which the arm is bent a little at rest is the one in which it bends further.
+    elbow = np.cross(direction("upperarm_l"), direction("lowerarm_l"))
     elbow /= np.linalg.norm(elbow)
     shoulder = np.cross(direction("upperarm_l"), [0, 0, 1.0])
     shoulder /= np.linalg.norm(shoulder)

@@ -1,5 +1,7 @@
 """What the default skin keeps, beside plain linear blend skinning: the figures of `make bench`."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from deformation import crossing_pairs, joint_volume, longest_stretch, turned, volume
@@ -69,6 +71,6 @@ def test_a_smooth_motion_has_no_pops(person):
         for angle in np.radians(np.linspace(10, 120, 45))
     ]
     corrections = [skin.solve(pose) - linear_blend_skinning(rest, weights, pose) for pose in poses]
-    changes = [np.linalg.norm(b - a, axis=1).max() for a, b in zip(corrections, corrections[1:], strict=False)]
+    changes = [np.linalg.norm(b - a, axis=1).max() for a, b in pairwise(corrections)]
     print(f"largest change between frames: {max(changes) / np.median(changes):.1f} times the median")
     assert max(changes) <= 3 * np.median(changes)
