@@ -21,8 +21,9 @@ demo: zip ## Retarget weights between two bodies in Blender; pictures, demo.blen
 test: zip ## Run all tests and linters (Rust, Python, inside Blender)
 	@$(VENV_PYTHON) scripts/run_tests.py
 
-bench: wheel ## Measure the spectral solver beside scipy; a table and bench/*.json
+bench: wheel ## Measure the spectral solver beside scipy, and what the skin keeps; tables and bench/*.json
 	@$(VENV_PYTHON) bench/spectral.py
+	@$(VENV_PYTHON) bench/skin.py
 
 lint: wheel ## Run the formatters' checks, the linters and the type checker alone
 	@$(VENV_PYTHON) scripts/run_tests.py lint
