@@ -7,13 +7,30 @@ input raise `ValueError` naming the element; every other failure raises a subcla
 """
 
 from collections.abc import Sequence
-from typing import Any, Literal, final
+from typing import Any, Literal, Self, final
 
 import numpy as np
 import numpy.typing as npt
 
 _Floats = npt.NDArray[np.floating[Any]]
 _Integers = npt.NDArray[np.integer[Any]]
+
+__all__ = [
+    "BiharmonicDistance",
+    "Cancelled",
+    "DermisError",
+    "NumericalError",
+    "Progress",
+    "RetargetError",
+    "RetargetResult",
+    "Skeleton",
+    "SkinWeights",
+    "TriangleMesh",
+    "__version__",
+    "eigenpairs",
+    "laplacian",
+    "retarget_weights",
+]
 
 __version__: str
 
@@ -33,7 +50,7 @@ class Cancelled(DermisError):
 class Progress:
     """Shared between the thread that works and the thread that watches."""
 
-    def __init__(self) -> None: ...
+    def __new__(cls) -> Self: ...
     def cancel(self) -> None:
         """Ask the running call to stop; it raises `Cancelled` soon afterwards."""
     @property
@@ -49,7 +66,7 @@ class Progress:
 class TriangleMesh:
     """Triangles over shared vertices: any topology, several components, boundaries allowed."""
 
-    def __init__(self, vertices: _Floats, triangles: _Integers) -> None:
+    def __new__(cls, vertices: _Floats, triangles: _Integers) -> Self:
         """vertices (V,3) and triangles (F,3); raises ValueError naming the first bad element."""
     @staticmethod
     def from_polygons(vertices: _Floats, loop_counts: _Integers, loop_indices: _Integers) -> TriangleMesh:
@@ -75,9 +92,9 @@ class TriangleMesh:
 class Skeleton:
     """Bones as head and tail points in the mesh's space; parents index bones, -1 is a root."""
 
-    def __init__(
-        self, heads: _Floats, tails: _Floats, parents: _Integers, names: Sequence[str] | None = None
-    ) -> None: ...
+    def __new__(
+        cls, heads: _Floats, tails: _Floats, parents: _Integers, names: Sequence[str] | None = None
+    ) -> Self: ...
     @property
     def heads(self) -> npt.NDArray[np.float64]: ...
     @property
@@ -119,7 +136,7 @@ class BiharmonicDistance:
     one column of the Green's function by two sparse solves.
     """
 
-    def __init__(self, mesh: TriangleMesh, *, eigenpairs: int = 100, progress: Progress | None = None) -> None: ...
+    def __new__(cls, mesh: TriangleMesh, *, eigenpairs: int = 100, progress: Progress | None = None) -> Self: ...
     def between(self, i: _Integers, j: _Integers) -> npt.NDArray[np.float64]:
         """Distances (n,) of the vertex pairs i[n], j[n]."""
     def from_vertex(self, i: int) -> npt.NDArray[np.float64]:

@@ -52,7 +52,7 @@ def test_no_source_names_a_place_on_one_machine() -> None:
         assert found is None, f"{relative(path)}: {found and found.group(0)}"
 
 
-def test_every_rust_file_says_what_it_holds() -> None:
+def test_every_rust_source_says_what_it_holds() -> None:
     for path in shipped_files(".rs"):
-        text = path.read_text(encoding="utf-8")
-        assert text.startswith("//!"), relative(path)
+        if "src" in path.parts:
+            assert path.read_text(encoding="utf-8").startswith("//!"), relative(path)

@@ -1,3 +1,5 @@
+//! Factorisation, solves and inertia against dense linear algebra.
+
 use dermis::linalg::{Cholesky, LinalgError, SymbolicCholesky, SymmetricMatrix, negative_eigenvalue_count};
 use nalgebra::DMatrix;
 use proptest::prelude::*;

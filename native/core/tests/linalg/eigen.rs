@@ -1,3 +1,5 @@
+//! Eigenpairs against the dense spectrum; repeated values, missing pairs, bad input.
+
 use dermis::linalg::{Eigenpairs, LinalgError, SymmetricMatrix, smallest_eigenpairs};
 
 use crate::surfaces::{bits, both, dense_eigenvalues, laplacian, on_threads, sphere, torus};

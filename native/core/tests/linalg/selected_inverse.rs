@@ -1,3 +1,5 @@
+//! Diagonals of inverses against dense inverses and difference quotients.
+
 use dermis::linalg::{
     Cholesky, LinalgError, SymbolicCholesky, SymmetricMatrix, diagonal_of_inverse,
     diagonal_of_inverse_mass_inverse,

@@ -1,3 +1,5 @@
+//! Assembly and products of sparse matrices against dense ones.
+
 use dermis::linalg::{LinalgError, SymmetricMatrix};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
