@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The PBD skin under a live Armature modifier: what Blender shows is what the solver says."""
 
+import sys
+from types import SimpleNamespace
+
 import bpy
 import characters as c
 import numpy as np
 import pytest
 import skins as s
 from mathutils import Matrix
+from scratch_profile import MODULE
 
 TOLERANCE = 1e-5 * s.HEIGHT
 
@@ -273,6 +277,56 @@ def test_settings_rebuild_the_skin():
     bpy.context.view_layer.update()
     assert s.state(ob).stats["tetrahedra"] != tetrahedra
     np.testing.assert_allclose(s.shown(ob), s.solved(ob, rig, cell_size=0.125), atol=TOLERANCE)
+
+
+def test_stiffness_group():
+    ob, rig = s.limb()
+    share = np.linspace(0, 1, len(ob.data.vertices), dtype=np.float32)
+    group = ob.vertex_groups.new(name="Firm")
+    for vertex, weight in enumerate(share):
+        group.add([vertex], float(weight), "REPLACE")
+    settings = ob.dermis_skin
+    settings.energy, settings.volume, settings.stiffness = 1.0, 0.0, 50.0
+    s.enable(rig)
+    s.bend(rig, 100)
+    even = s.shown(ob)
+    settings.stiffness_group = "Firm"
+    bpy.context.view_layer.update()
+    wanted = s.solved(ob, rig, energy=1.0, volume=0.0, stiffness=50.0, stiffness_shares=share)
+    np.testing.assert_allclose(s.shown(ob), wanted, atol=TOLERANCE)
+    assert np.abs(s.shown(ob) - even).max() > 1e-3
+    settings.stiffness_group = "Missing"
+    bpy.context.view_layer.update()
+    assert "no vertex group 'Missing'" in s.state(ob).error
+    settings.stiffness_group = ""
+    bpy.context.view_layer.update()
+    np.testing.assert_array_equal(s.shown(ob), even)
+
+
+def test_a_setting_that_is_being_dragged_waits(monkeypatch):
+    """In a window a skin is built when the value has settled, and a render does not wait."""
+    ob, rig = s.limb()
+    s.enable(rig)
+    s.bend(rig, 100)
+    module = sys.modules[f"{MODULE}.ui.skin_properties"]
+    timers = []
+    app = SimpleNamespace(
+        background=False,
+        timers=SimpleNamespace(is_registered=timers.__contains__, register=lambda f, **_: timers.append(f)),
+    )
+    monkeypatch.setattr(module, "bpy", SimpleNamespace(app=app))
+    first, skin = s.shown(ob), s.state(ob).skin
+    for iterations in (12, 25, 40):
+        ob.dermis_skin.iterations = iterations
+        bpy.context.view_layer.update()
+        assert s.state(ob).skin is skin
+    (settle,) = timers
+    assert settle() > 0, "the last value is too young"
+    np.testing.assert_array_equal(s.shown(ob), first)
+    s.state(ob).hold_until = 1e-9
+    assert settle() is None
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(s.shown(ob), s.solved(ob, rig, iterations=40), atol=TOLERANCE)
 
 
 def test_near_singular_vertices_are_limited_and_counted():

@@ -15,7 +15,7 @@ from .bone_layout import BoneLayout, read_layout, read_weights
 from .mesh import read_polygons, rest_positions
 from .placement import Placement
 from .shape_mix import key_groups
-from .vertex_groups import read_groups
+from .vertex_groups import GroupWeights, read_groups
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,7 @@ class SkinReading:
             raw.weights,
             raw.skinning,
             raw.settings,
+            raw.stiffness_shares,
         )
 
     def skin_key(self, placement: Placement) -> str:
@@ -50,6 +51,8 @@ class SkinReading:
         digest = hashlib.blake2b(self.geometry_key.encode(), digest_size=16)
         digest.update(placement.object.tobytes() + placement.armature.tobytes())
         digest.update(repr((self.raw.skinning, self.raw.settings)).encode())
+        if self.raw.stiffness_shares is not None:
+            digest.update(self.raw.stiffness_shares.tobytes())
         return digest.hexdigest()
 
 
@@ -80,6 +83,7 @@ def read_skin(
         weights=read_weights(ob, armature, evaluated, layout, groups, in_armature),
         skinning="dual_quaternion" if modifier.use_deform_preserve_volume else "linear",
         settings=settings,
+        stiffness_shares=_stiffness_shares(ob, groups),
     )
     raw.check()
     shares = None
@@ -90,6 +94,15 @@ def read_skin(
     return SkinReading(
         raw, layout, shares, {name: groups.column(name) for name in key_groups(ob.data)}, raw.geometry_key()
     )
+
+
+def _stiffness_shares(ob: bpy.types.Object, groups: GroupWeights) -> np.ndarray | None:
+    name = ob.dermis_skin.stiffness_group
+    if not name:
+        return None
+    if name not in groups.names:
+        raise InputError(f"'{ob.name}' has no vertex group '{name}', which the stiffness of its skin asks for.")
+    return np.clip(groups.column(name), 0.0, 1.0)
 
 
 def read_settings(ob: bpy.types.Object) -> SkinSettings:

@@ -130,7 +130,7 @@ def _refresh(
     """Read the mesh again and take another skin where something that matters has changed."""
     settings = read_settings(ob)
     configuration = (
-        settings,
+        (settings, ob.dermis_skin.stiffness_group),
         modifier.object.name,
         modifier.use_deform_preserve_volume,
         modifier.vertex_group,

@@ -59,7 +59,12 @@ class Skin:
                 source.weights.vertex, source.weights.bone, source.weights.value, len(self._rest), len(bones)
             )
             self._solver = PbdSkin(
-                mesh, skeleton, self._weights, skinning=source.skinning, **source.settings.native_arguments()
+                mesh,
+                skeleton,
+                self._weights,
+                skinning=source.skinning,
+                stiffness_shares=source.stiffness_shares,
+                **source.settings.native_arguments(),
             )
         except (DermisError, ValueError) as error:
             raise InputError(f"'{source.name}' cannot have a PBD skin: {_plain(error)}.") from error

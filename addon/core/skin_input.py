@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from .character import Bones, BoneWeights, Floats, Surface
+from .character import Bones, BoneWeights, Floats, Surface, Weights
 from .errors import InputError, counted, listed
 from .skin_settings import SkinSettings
 
@@ -21,6 +21,7 @@ class SkinInput:
     """A mesh, its bones and weights in solver space, and how to solve them.
 
     Columns of `weights` are `bones`, which may be segments of a bone; they need not total 1.
+    stiffness_shares (V,) lets the stiffness vary over the surface, None makes it even.
     """
 
     name: str
@@ -30,6 +31,7 @@ class SkinInput:
     weights: BoneWeights
     skinning: Skinning
     settings: SkinSettings
+    stiffness_shares: Weights | None = None
 
     def check(self) -> None:
         """Raise InputError when no skin can be made of it."""

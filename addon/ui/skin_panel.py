@@ -70,9 +70,10 @@ class DERMIS_PT_skin_settings(SidebarPanel, bpy.types.Panel):
         column = layout.column(align=True)
         for name in ("stretch", "volume", "bind", "energy"):
             column.prop(kept, name, slider=True)
-        row = column.row()
-        row.active = kept.energy > 0
-        row.prop(kept, "stiffness")
+        column = layout.column(align=True)
+        column.active = kept.energy > 0
+        column.prop(kept, "stiffness")
+        column.prop_search(kept, "stiffness_group", ob, "vertex_groups")
         layout.prop(kept, "self_collision")
         layout.prop(kept, "smoothing", slider=True)
         layout.prop_search(kept, "mask_group", ob, "vertex_groups")

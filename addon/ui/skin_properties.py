@@ -162,6 +162,11 @@ class DermisSkin(bpy.types.PropertyGroup):
         description="Vertex group that says how much of the correction each vertex gets; all of it when empty",
         update=_mask,
     )
+    stiffness_group: StringProperty(
+        name="Stiffness Group",
+        description="Vertex group that says how much of the stiffness each vertex has; even when empty",
+        update=_changed,
+    )
     enabled: BoolProperty(
         name="Enabled", description="Whether the object has a PBD skin; use the operators", options={"HIDDEN"}
     )
