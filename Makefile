@@ -9,7 +9,7 @@ PYTHON ?= $(shell for python in python3.11 python3.13 python3; do \
 	then echo $$python; exit; fi; done; echo python3)
 VENV_PYTHON := .venv/bin/python
 
-.PHONY: help demo test wheel zip lint format clean environment
+.PHONY: help demo test bench wheel zip lint format clean environment
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | \
@@ -20,6 +20,10 @@ demo: zip ## Retarget weights between two bodies in Blender; pictures, demo.blen
 
 test: zip ## Run all tests and linters (Rust, Python, inside Blender)
 	@$(VENV_PYTHON) scripts/run_tests.py
+
+bench: wheel ## Measure the spectral solver beside scipy, and what the skin keeps; tables and bench/*.json
+	@$(VENV_PYTHON) bench/spectral.py
+	@$(VENV_PYTHON) bench/skin.py
 
 lint: wheel ## Run the formatters' checks, the linters and the type checker alone
 	@$(VENV_PYTHON) scripts/run_tests.py lint
@@ -39,6 +43,6 @@ environment: ## Make .venv with everything that the other targets need (they cal
 	@"$(PYTHON)" scripts/setup_environment.py
 
 clean: ## Remove everything that make has made
-	rm -rf .venv .setup dist target demo/*.png demo/*.blend demo/*.blend1 demo/report.json
+	rm -rf .venv .setup dist target demo/*.png demo/*.blend demo/*.blend1 demo/report.json bench/*.json
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,76 @@
+"""What the default skin keeps, beside plain linear blend skinning: the figures of `make bench`."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from deformation import crossing_pairs, joint_volume, longest_stretch, turned, volume
+from dermis_native import PbdSkin, SkinWeights, linear_blend_skinning
+from skin_poses import CYLINDER, body_poses, cylinder, cylinder_pose
+from surfaces import body
+
+
+@pytest.fixture(scope="module")
+def tube():
+    mesh, skeleton, weights = cylinder()
+    return mesh, skeleton, weights, PbdSkin(mesh, skeleton, weights)
+
+
+@pytest.mark.parametrize(("kind", "degrees"), CYLINDER)
+def test_a_cylinder_keeps_its_volume(tube, kind, degrees):
+    mesh, skeleton, weights, skin = tube
+    least, plain_expected = CYLINDER[kind, degrees]
+    transforms = cylinder_pose(skeleton, kind, degrees)
+    rest = mesh.vertices
+    whole = joint_volume(rest, rest, mesh.triangles)
+    plain = joint_volume(rest, linear_blend_skinning(rest, weights, transforms), mesh.triangles) / whole
+    kept = joint_volume(rest, skin.solve(transforms), mesh.triangles) / whole
+    print(f"{kind} {degrees}: plain {plain:.1%}, skin {kept:.1%}")
+    assert plain == pytest.approx(plain_expected, abs=0.02), "the measure itself"
+    assert least <= kept <= 1.03
+    assert skin.stats["inverted"] == 0
+
+
+@pytest.fixture(scope="module")
+def person():
+    mesh, skeleton, weights = body("average")
+    weights = SkinWeights.from_dense(weights)
+    return mesh, skeleton, weights, PbdSkin(mesh, skeleton, weights)
+
+
+def test_a_body_keeps_its_volume_joint_by_joint(person):
+    mesh, skeleton, weights, skin = person
+    rest, triangles = mesh.vertices, mesh.triangles
+    at_rest, whole = crossing_pairs(rest, triangles), volume(rest, triangles)
+    plain_error = error = 0.0
+    plain_crossings = crossings = 0
+    for name, transforms in body_poses(skeleton).items():
+        plain, solved = linear_blend_skinning(rest, weights, transforms), skin.solve(transforms)
+        assert skin.stats["inverted"] == 0, name
+        stretches = [longest_stretch(rest, deformed, triangles) for deformed in (plain, solved)]
+        assert stretches[1] < stretches[0], name
+        plain_error += abs(volume(plain, triangles) - whole)
+        error += abs(volume(solved, triangles) - whole)
+        plain_crossings += len(crossing_pairs(plain, triangles) - at_rest)
+        crossings += len(crossing_pairs(solved, triangles) - at_rest)
+    print(f"volume error {error / plain_error:.1%} of plain, crossing pairs {crossings} of {plain_crossings}")
+    assert error <= 0.15 * plain_error
+    assert crossings <= 0.03 * plain_crossings
+
+
+def test_the_rest_pose_comes_back_to_the_last_bit(person):
+    mesh, skeleton, _, skin = person
+    assert (skin.solve(turned(skeleton, {})) == mesh.vertices.astype(np.float32)).all()
+
+
+def test_a_smooth_motion_has_no_pops(person):
+    mesh, skeleton, weights, skin = person
+    rest = mesh.vertices
+    poses = [
+        turned(skeleton, {"calf_l": [angle, 0, 0], "thigh_l": [-0.6 * angle, 0, 0]})
+        for angle in np.radians(np.linspace(10, 120, 45))
+    ]
+    corrections = [skin.solve(pose) - linear_blend_skinning(rest, weights, pose) for pose in poses]
+    changes = [np.linalg.norm(b - a, axis=1).max() for a, b in pairwise(corrections)]
+    print(f"largest change between frames: {max(changes) / np.median(changes):.1f} times the median")
+    assert max(changes) <= 3 * np.median(changes)
