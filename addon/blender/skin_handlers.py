@@ -84,7 +84,7 @@ def on_render_end(*_):
     """After a render the shape keys hold its last frame: let the scene's own frame be written again."""
     with _lock:
         for ob in registry.objects():
-            ob.update_tag()
+            ob.update_tag(refresh={"OBJECT"})
 
 
 _HANDLERS = (

@@ -140,14 +140,17 @@ def _refresh(
         len(ob.vertex_groups),
         key_groups(ob.data),
     )
+    held = (
+        state.is_held and not state.failure and state.skin is not None and configuration[1:] == state.configuration[1:]
+    )
+    if held and depsgraph.mode != "RENDER":
+        # The edit of a setting makes the mesh look edited too; all of it is looked at afterwards.
+        return
     suspect = state.suspect
     if state.check_shape and not suspect:
         suspect = shape_digest(ob.data) != state.shape
     if state.check_armature and not suspect:
         suspect = armature_digest(modifier.object.data) != state.armature
-    held = state.is_held and not suspect and configuration[1:] == state.configuration[1:]
-    if held and depsgraph.mode != "RENDER":
-        return
     state.check_shape = state.check_armature = False
     if not suspect and configuration == state.configuration:
         if state.failure:

@@ -37,7 +37,7 @@ def _changed(kept, _context):
         registry.state(ob).hold_until = monotonic() + PATIENCE_SECONDS
         if not bpy.app.timers.is_registered(_settle):
             bpy.app.timers.register(_settle, first_interval=PATIENCE_SECONDS)
-    ob.update_tag()
+    ob.update_tag(refresh={"OBJECT"})
 
 
 def _settle():
@@ -49,7 +49,7 @@ def _settle():
             waiting = True
         elif state.hold_until:
             state.hold_until = 0.0
-            ob.update_tag()
+            ob.update_tag(refresh={"OBJECT"})
     return PATIENCE_SECONDS / 2 if waiting else None
 
 
