@@ -256,6 +256,30 @@ def test_rigid_meshes_of_an_armature_are_left_out():
     assert button.data.shape_keys is None
 
 
+def test_meshes_that_only_hang_on_the_armature():
+    """A hat without a modifier and a mesh without weights are no reason to refuse the body."""
+    ob, rig = s.limb()
+    hat = c.mesh_object("Hat", *c.tube(6, 3, 0.2, 0.1))
+    hat.parent = rig
+    bare = c.mesh_object("Bare", *c.tube(6, 3, 0.2, 0.1))
+    c.deform(bare, rig)
+    s.enable(rig)
+    assert [mesh.dermis_skin.enabled for mesh in (ob, hat, bare)] == [True, False, False]
+
+
+def test_rest_position_of_the_armature():
+    ob, rig = s.limb()
+    s.enable(rig)
+    s.bend(rig, 80)
+    bent = s.shown(ob)
+    rig.data.pose_position = "REST"
+    bpy.context.view_layer.update()
+    assert not s.correction(ob).any()
+    rig.data.pose_position = "POSE"
+    bpy.context.view_layer.update()
+    np.testing.assert_array_equal(s.shown(ob), bent)
+
+
 def test_settings_rebuild_the_skin():
     ob, rig = s.limb()
     s.enable(rig)

@@ -112,8 +112,10 @@ def render(tmp_path, name, frame):
     return pixels(bpy.context.scene.render.filepath)
 
 
-def test_renders_show_the_skin(animated, tmp_path):
+@pytest.mark.parametrize("persistent", [False, True])
+def test_renders_show_the_skin(animated, tmp_path, persistent):
     """Three frames, rendered one by one, as an animation, and without the skin."""
+    bpy.context.scene.render.use_persistent_data = persistent
     ob, _ = animated
     studio("CYCLES")
     bpy.context.scene.frame_set(25)

@@ -59,6 +59,7 @@ def test_settings_are_described_and_bounded():
     for prop in ob.dermis_skin.bl_rna.properties:
         if prop.identifier not in ("rna_type", "name"):
             assert prop.description, prop.identifier
+            assert prop.is_hidden or not prop.is_animatable, prop.identifier
             if prop.type in ("INT", "FLOAT") and not prop.is_hidden:
                 assert prop.hard_min >= 0, prop.identifier
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from . import placement
-from .armature import find_armature
+from .armature import find_armature, is_deformed
 from .skin_checks import check_owner, check_shape_keys, skin_modifier
 from .skin_key import add_key, check_no_key, find_key, remove_key
 from .skin_reading import read_settings, read_skin
@@ -18,13 +18,13 @@ from .vertex_groups import read_groups
 
 
 def meshes_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """Mesh objects of a scene that the armature deforms, by name."""
-    found = [ob for ob in scene.objects if ob.type == "MESH" and find_armature(ob) == armature]
+    """Mesh objects of a scene that the armature deforms, by name; what only hangs on it is none of them."""
+    found = [ob for ob in scene.objects if ob.type == "MESH" and is_deformed(ob) and find_armature(ob) == armature]
     return sorted(found, key=lambda ob: ob.name)
 
 
 def rigid_meshes(objects: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
-    """Those of the objects that a single bone moves."""
+    """Those of the objects that no joint bends: a single bone moves them, or none."""
     rigid = []
     for ob in objects:
         armature = find_armature(ob)
@@ -32,7 +32,7 @@ def rigid_meshes(objects: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
         names = [bone.name for bone in armature.data.bones if bone.use_deform]
         weights = groups.of_bones(names)
         used = np.unique(weights.bone[weights.value > 0])
-        if len(used) == 1 and armature.data.bones[names[used[0]]].bbone_segments == 1:
+        if len(used) == 0 or (len(used) == 1 and armature.data.bones[names[used[0]]].bbone_segments == 1):
             rigid.append(ob)
     return rigid
 

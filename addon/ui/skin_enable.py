@@ -52,6 +52,6 @@ class DERMIS_OT_skin_enable(DermisOperator, bpy.types.Operator):
         tetrahedra = sum(state.stats.get("tetrahedra", 0) for state in states)
         line = f"PBD skin of {listed([ob.name for ob in meshes])}: {counted(tetrahedra, 'tetrahedron', 'tetrahedra')}."
         if rigid:
-            line += f" Left out, as a single bone moves them: {listed(rigid)}."
+            line += f" Left out, as no joint bends them: {listed(rigid)}."
         self.report({"INFO"}, line)
         return {"FINISHED"}

@@ -23,6 +23,9 @@ PATIENCE_SECONDS = 0.3
 
 DEFAULTS = preset_values("default")
 
+# Every setting but the shape key's value needs another skin, so none of them can be animated:
+# their options are empty.
+
 IDENTITY = tuple(float(row == column) for row in range(4) for column in range(4))
 
 _filling = False
@@ -80,6 +83,7 @@ def _strength(name, description, attribute):
         max=1.0,
         subtype="FACTOR",
         default=DEFAULTS[attribute],
+        options=set(),
         update=_changed,
     )
 
@@ -100,6 +104,7 @@ class DermisSkin(bpy.types.PropertyGroup):
             ),
         ),
         default="DEFAULT",
+        options=set(),
         update=_fill,
     )
     iterations: IntProperty(
@@ -109,6 +114,7 @@ class DermisSkin(bpy.types.PropertyGroup):
         soft_max=100,
         max=10000,
         default=DEFAULTS["iterations"],
+        options=set(),
         update=_changed,
     )
     start: EnumProperty(
@@ -120,6 +126,7 @@ class DermisSkin(bpy.types.PropertyGroup):
             ("DUAL_QUATERNION", "Dual Quaternion", "Nearest to the solution for twists and bends"),
         ),
         default=DEFAULTS["start"].upper(),
+        options=set(),
         update=_changed,
     )
     stretch: _strength("Stretch", "How firmly edges of the cage keep their length", "stretch")
@@ -135,12 +142,14 @@ class DermisSkin(bpy.types.PropertyGroup):
         soft_max=1e4,
         max=1e8,
         default=DEFAULTS["stiffness"],
+        options=set(),
         update=_changed,
     )
     self_collision: BoolProperty(
         name="Self-Collision",
         description="Let folds of a joint touch instead of passing through each other",
         default=DEFAULTS["self_collision"],
+        options=set(),
         update=_changed,
     )
     smoothing: _strength("Smoothing", "How much the correction, not the skin itself, is smoothed", "smoothing")
@@ -155,16 +164,19 @@ class DermisSkin(bpy.types.PropertyGroup):
         max=100.0,
         precision=4,
         default=0.0,
+        options=set(),
         update=_changed,
     )
     mask_group: StringProperty(
         name="Mask",
         description="Vertex group that says how much of the correction each vertex gets; all of it when empty",
+        options=set(),
         update=_mask,
     )
     stiffness_group: StringProperty(
         name="Stiffness Group",
         description="Vertex group that says how much of the stiffness each vertex has; even when empty",
+        options=set(),
         update=_changed,
     )
     enabled: BoolProperty(
