@@ -20,16 +20,22 @@ __all__ = [
     "Cancelled",
     "DermisError",
     "NumericalError",
+    "PbdSkin",
     "Progress",
     "RetargetError",
     "RetargetResult",
     "Skeleton",
     "SkinWeights",
+    "TetMesh",
     "TriangleMesh",
     "__version__",
+    "dual_quaternion_skinning",
     "eigenpairs",
     "laplacian",
+    "linear_blend_skinning",
+    "rest_space_offsets",
     "retarget_weights",
+    "tetrahedralize",
 ]
 
 __version__: str
@@ -249,8 +255,8 @@ class PbdSkin:
     Constraint strengths (`stretch`, `volume`, `bind`, `energy`) go from 0 (off) to 1.
     """
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         mesh: TriangleMesh,
         skeleton: Skeleton,
         weights: SkinWeights,
@@ -271,7 +277,7 @@ class PbdSkin:
         region: Literal["joints", "all"] | None = None,
         cell_size: float | None = None,
         threads: int | None = None,
-    ) -> None: ...
+    ) -> Self: ...
     def solve(self, transforms: _Floats, vertices: _Floats | None = None) -> npt.NDArray[np.float32]:
         """Vertices (V,3) float32 of a pose: transforms (B,4,4) = pose · rest⁻¹. vertices (V,3) replace
         the rest positions, for shape keys that act before the armature.
