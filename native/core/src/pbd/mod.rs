@@ -8,6 +8,7 @@ mod energy;
 mod error;
 #[cfg(test)]
 mod finite_difference;
+mod fit;
 mod island;
 mod masks;
 mod patch;

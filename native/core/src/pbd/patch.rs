@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::areas::{JointArea, JointAreas};
 use super::contact_setup::joint_contacts;
+use super::fit::cage_fit;
 use super::island::{Bind, Island, SurfacePoint, spring_lengths};
 use super::masks::{PatchMasks, geodesic_distances};
 use super::stiffness::{particle_shares, tetrahedron_share};
@@ -29,16 +30,11 @@ const FREE_BLEND: f64 = 0.1;
 const LEAST_WEIGHT: f64 = 0.01;
 /// Region "all": a particle this near to its bone, in radii of the nearest joint, is held.
 const CORE: f64 = 0.3;
-/// Difference between a vertex's own weights and those of its cell (half the sum of absolute
-/// differences) at which the cage no longer speaks for the vertex.
-const WORST_FIT: f64 = 0.4;
 /// How closely the particles' weights follow the surface's (see [`extend_weights`]). Low: the cage
 /// starts with smoother weights than the surface has, folds less, and the surface follows it.
 const SMOOTH_FIDELITY: f64 = 0.1;
 /// How closely they are made to follow in order to see whether the cage can speak for a vertex.
 const FAITHFUL: f64 = 10.0;
-/// Width of that threshold.
-const FIT_FADE: f64 = 0.2;
 /// Largest patch whose cell size was not asked for; more cannot be solved while animating.
 const MOST_TETRAHEDRA: usize = 100_000;
 /// Growth of the cells of a patch that has more.
@@ -47,7 +43,7 @@ const COARSER: f64 = 1.3;
 const MARGIN_CELLS: f64 = 2.0;
 
 /// `(bone, weight)` entries of every particle.
-type Rows = Vec<Vec<(u32, f64)>>;
+pub(super) type Rows = Vec<Vec<(u32, f64)>>;
 
 /// What every patch is built from.
 pub(super) struct PatchInput<'a> {
@@ -106,6 +102,7 @@ fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec
         })
         .collect();
     let [rows, faithful] = particle_weights(input, &cage, &embeddings)?;
+    let fit = cage_fit(input, &faithful, &embeddings, cell_size);
     let freedom: Vec<f64> = (0..rows.len())
         .map(|i| match cage.is_cut[i] {
             true => 0.0,
@@ -125,17 +122,8 @@ fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec
     Ok(split(&freedom, cage.mesh.tetrahedra())
         .into_iter()
         .map(|tetrahedra| {
-            let island = build_island(
-                input,
-                patch,
-                &areas,
-                &cage,
-                &rows,
-                &faithful,
-                &freedom,
-                &embeddings,
-                &tetrahedra,
-            );
+            let island =
+                build_island(input, patch, &areas, &cage, &rows, &fit, &freedom, &embeddings, &tetrahedra);
             Island { stiffness_shares: shares_of(&tetrahedra), ..island }
         })
         .collect())
@@ -264,7 +252,7 @@ fn build_island(
     areas: &[JointArea],
     cage: &LatticeCage,
     rows: &[Vec<(u32, f64)>],
-    faithful: &[Vec<(u32, f64)>],
+    fit: &[f64],
     freedom: &[f64],
     embeddings: &[Option<Embedding>],
     members: &[u32],
@@ -289,7 +277,7 @@ fn build_island(
     let binds = binds.filter_map(|(i, &p)| bind(input.skeleton, i as u32, position(p), &rows[p as usize]));
     let binds = binds.collect();
     let used: BTreeSet<[u32; 4]> = global.iter().map(|t| sorted(*t)).collect();
-    let surface = surface_points(input, patch, faithful, freedom, embeddings, &used, &local);
+    let surface = surface_points(input, patch, fit, freedom, embeddings, &used, &local);
     let mut heaviness: BTreeMap<u32, f64> = BTreeMap::new();
     island_rows().flatten().for_each(|(bone, w)| *heaviness.entry(bone).or_default() += w);
     let mut bones: Vec<(u32, f64)> = heaviness.into_iter().collect();
@@ -334,7 +322,7 @@ fn bind(skeleton: &Skeleton, particle: u32, position: DVec3, row: &[(u32, f64)])
 fn surface_points(
     input: &PatchInput<'_>,
     patch: u32,
-    rows: &[Vec<(u32, f64)>],
+    fit: &[f64],
     freedom: &[f64],
     embeddings: &[Option<Embedding>],
     used: &BTreeSet<[u32; 4]>,
@@ -348,17 +336,7 @@ fn surface_points(
         }
         let corners = || embedding.corners.iter().map(|&c| c as usize).zip(embedding.barycentric);
         let free: f64 = corners().map(|(corner, b)| freedom[corner] * b).sum();
-        let mut difference: BTreeMap<u32, f64> = BTreeMap::new();
-        input
-            .weights
-            .entries(vertex)
-            .for_each(|(bone, w)| *difference.entry(bone).or_default() += f64::from(w));
-        for (corner, b) in corners() {
-            rows[corner].iter().for_each(|&(bone, w)| *difference.entry(bone).or_default() -= b * w);
-        }
-        let misfit = 0.5 * difference.values().map(|d| d.abs()).sum::<f64>();
-        let fit = smoothstep((WORST_FIT - misfit) / FIT_FADE);
-        let share = input.masks.mask(vertex, patch) * fit * smoothstep(2.0 * free);
+        let share = input.masks.mask(vertex, patch) * fit[vertex] * smoothstep(2.0 * free);
         if share > 0.0 {
             points.push(SurfacePoint {
                 vertex: vertex as u32,
