@@ -8,8 +8,22 @@ import characters as c
 import pytest
 from scratch_profile import MODULE, PROFILE
 
-OPERATORS = ("retarget_weights", "landmark_add", "landmark_remove", "landmark_show", "landmark_clear")
-PANELS = ("DERMIS_PT_retarget", "DERMIS_PT_landmarks", "DERMIS_UL_landmarks")
+OPERATORS = (
+    "retarget_weights",
+    "landmark_add",
+    "landmark_remove",
+    "landmark_show",
+    "landmark_clear",
+    "skin_enable",
+    "skin_disable",
+)
+PANELS = (
+    "DERMIS_PT_retarget",
+    "DERMIS_PT_landmarks",
+    "DERMIS_UL_landmarks",
+    "DERMIS_PT_skin",
+    "DERMIS_PT_skin_settings",
+)
 MENUS = ("VIEW3D_MT_make_links", "VIEW3D_MT_paint_weight")
 
 
@@ -46,6 +60,11 @@ class Layout:
         assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
         self.drawn.append(name)
 
+    def prop_search(self, data, name, search_data, search_name, **_):
+        assert name in data.bl_rna.properties
+        assert search_name in search_data.bl_rna.properties
+        self.drawn.append(name)
+
     def template_list(self, kind, _id, data, name, active, active_name, **_):
         assert hasattr(bpy.types, kind)
         assert name in data.bl_rna.properties
@@ -75,16 +94,28 @@ def entries(menu):
     return [f for f in getattr(bpy.types, menu).draw._draw_funcs if f.__module__.startswith(MODULE)]
 
 
+def handlers():
+    for name in dir(bpy.app.handlers):
+        found = getattr(bpy.app.handlers, name)
+        if isinstance(found, list):
+            yield from (f for f in found if f.__module__.startswith(MODULE))
+
+
 def test_register_and_unregister_twice():
     for _ in range(2):
         assert bpy.ops.preferences.addon_disable(module=MODULE) == {"FINISHED"}
         assert not any(hasattr(bpy.types, panel) for panel in PANELS)
         assert not hasattr(bpy.types.Object, "dermis_retarget")
+        assert not hasattr(bpy.types.Object, "dermis_skin")
+        assert not any(handlers())
         assert not any("dermis" in dir(bpy.ops) and name in dir(bpy.ops.dermis) for name in OPERATORS)
         assert not any(entries(menu) for menu in MENUS)
         assert bpy.ops.preferences.addon_enable(module=MODULE) == {"FINISHED"}
         assert all(name in dir(bpy.ops.dermis) for name in OPERATORS)
         assert all(hasattr(bpy.types, panel) for panel in PANELS)
+        # Blender drops handlers that are not persistent when it opens a file.
+        assert len(list(handlers())) == 7
+        assert all(hasattr(handler, "_bpy_persistent") for handler in handlers())
     source, _ = c.source_tube()
     assert c.retarget(source, c.target_tube()) == {"FINISHED"}
 

@@ -27,20 +27,24 @@ def read_surface(ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph, evaluated
     At rest: without shape keys, modifiers and pose. Evaluated: as they show it now; modifiers that
     change the number of vertices are left out.
     """
-    mesh = ob.data
-    positions = _evaluated_positions(ob, depsgraph) if evaluated else _rest_positions(mesh)
+    positions = _evaluated_positions(ob, depsgraph) if evaluated else rest_positions(ob.data)
+    surface = Surface(to_world(ob, positions), *read_polygons(ob.data))
+    return surface.flipped() if is_mirrored(ob) else surface
+
+
+def read_polygons(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Number of corners of each polygon (F,), and the vertex of each corner."""
     counts = np.empty(len(mesh.polygons), np.int32)
     mesh.polygons.foreach_get("loop_total", counts)
     corners = np.empty(len(mesh.loops), np.int32)
     mesh.loops.foreach_get("vertex_index", corners)
-    surface = Surface(to_world(ob, positions), counts, corners)
-    return surface.flipped() if is_mirrored(ob) else surface
+    return counts, corners
 
 
-def _rest_positions(mesh: bpy.types.Mesh) -> np.ndarray:
+def rest_positions(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Positions (V,3) without shape keys, in the object's space."""
     keys = mesh.shape_keys
-    points = mesh.vertices if keys is None else keys.reference_key.data
-    return _positions(points)
+    return _positions(mesh.vertices if keys is None else keys.reference_key.points)
 
 
 def _evaluated_positions(ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray:

@@ -43,6 +43,14 @@ class GroupWeights:
         bone = column[self.group]
         return BoneWeights(self.vertex, bone, self.value).where(bone >= 0)
 
+    def column(self, name: str) -> np.ndarray:
+        """Weights (V,) of the group with this name, 0 where a vertex is not in it."""
+        weights = np.zeros(len(self.counts), np.float32)
+        if name in self.names:
+            mine = self.group == self.names.index(name)
+            weights[self.vertex[mine]] = self.value[mine]
+        return weights
+
     def locked_bones(self, bone_names: Sequence[str]) -> np.ndarray:
         """Which bones (B,) have a group that is locked."""
         names = {name for name, locked in zip(self.names, self.locked, strict=True) if locked}

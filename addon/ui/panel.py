@@ -27,13 +27,15 @@ class DERMIS_UL_landmarks(bpy.types.UIList):
         row.prop(item, "target_vertex", text="", emboss=False)
 
 
-class _SidebarPanel:
+class SidebarPanel:
+    """Place of all panels of Dermis."""
+
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Dermis"
 
 
-class DERMIS_PT_retarget(_SidebarPanel, bpy.types.Panel):
+class DERMIS_PT_retarget(SidebarPanel, bpy.types.Panel):
     """Source, targets, the button and what it did last."""
 
     bl_label = "Retarget Weights"
@@ -54,10 +56,10 @@ class DERMIS_PT_retarget(_SidebarPanel, bpy.types.Panel):
         row.operator(DERMIS_OT_retarget_weights.bl_idname, icon="MOD_DATA_TRANSFER")
         target = single_target(context)
         if target is not None and target.dermis_retarget.result:
-            _draw_text(layout.column(align=True), target.dermis_retarget.result, context)
+            draw_text(layout.column(align=True), target.dermis_retarget.result, context)
 
 
-class DERMIS_PT_landmarks(_SidebarPanel, bpy.types.Panel):
+class DERMIS_PT_landmarks(SidebarPanel, bpy.types.Panel):
     """The landmark pairs of the only target."""
 
     bl_label = "Landmarks"
@@ -101,12 +103,12 @@ def _draw_character(layout, title, ob, hint):
         _labelled(layout, "", "Armature of the source", "OUTLINER_OB_ARMATURE")
 
 
-def _draw_text(layout, text, context):
+def draw_text(layout, text, context, icon="NONE"):
     """Text over as many lines as the sidebar's width needs; Blender has no scale without a window."""
     width = context.region.width if context.region is not None else 300
     characters = max(20, int(width / (7 * (context.preferences.system.ui_scale or 1.0))))
-    for line in textwrap.wrap(text, characters):
-        layout.label(text=line)
+    for number, line in enumerate(textwrap.wrap(text, characters)):
+        layout.label(text=line, icon="NONE" if number else icon)
 
 
 def _labelled(layout, title, text, icon):

@@ -5,12 +5,15 @@ from contextlib import ExitStack
 
 import bpy
 
-from . import menus, panel, properties
+from ..blender import skin_handlers
+from . import menus, panel, properties, skin_panel, skin_properties
 from .landmark_add import DERMIS_OT_landmark_add
 from .landmark_clear import DERMIS_OT_landmark_clear
 from .landmark_remove import DERMIS_OT_landmark_remove
 from .landmark_show import DERMIS_OT_landmark_show
 from .retarget_weights import DERMIS_OT_retarget_weights
+from .skin_disable import DERMIS_OT_skin_disable
+from .skin_enable import DERMIS_OT_skin_enable
 
 CLASSES = (
     DERMIS_OT_retarget_weights,
@@ -18,7 +21,10 @@ CLASSES = (
     DERMIS_OT_landmark_remove,
     DERMIS_OT_landmark_show,
     DERMIS_OT_landmark_clear,
+    DERMIS_OT_skin_enable,
+    DERMIS_OT_skin_disable,
     *panel.CLASSES,
+    *skin_panel.CLASSES,
 )
 
 _undo = ExitStack()
@@ -29,11 +35,15 @@ def register() -> None:
     with ExitStack() as undo:
         properties.register()
         undo.callback(properties.unregister)
+        skin_properties.register()
+        undo.callback(skin_properties.unregister)
         for cls in CLASSES:
             bpy.utils.register_class(cls)
             undo.callback(bpy.utils.unregister_class, cls)
         menus.register()
         undo.callback(menus.unregister)
+        skin_handlers.register()
+        undo.callback(skin_handlers.unregister)
         _undo.push(undo.pop_all())
 
 

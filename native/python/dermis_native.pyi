@@ -20,16 +20,23 @@ __all__ = [
     "Cancelled",
     "DermisError",
     "NumericalError",
+    "PbdSkin",
     "Progress",
     "RetargetError",
     "RetargetResult",
     "Skeleton",
     "SkinWeights",
+    "TetMesh",
     "TriangleMesh",
     "__version__",
+    "dual_quaternion_skinning",
     "eigenpairs",
     "laplacian",
+    "linear_blend_skinning",
+    "pbd_preset",
+    "rest_space_offsets",
     "retarget_weights",
+    "tetrahedralize",
 ]
 
 __version__: str
@@ -247,10 +254,11 @@ class PbdSkin:
     same bits, whatever was solved before and on any number of threads. Every setting that is None
     comes from `preset`: "default", "paper" (Algorithm 1 as printed) or "rumman_fratarcangeli".
     Constraint strengths (`stretch`, `volume`, `bind`, `energy`) go from 0 (off) to 1.
+    `stiffness_shares` (V,), 0 to 1, lets the stiffness vary over the surface.
     """
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         mesh: TriangleMesh,
         skeleton: Skeleton,
         weights: SkinWeights,
@@ -271,7 +279,8 @@ class PbdSkin:
         region: Literal["joints", "all"] | None = None,
         cell_size: float | None = None,
         threads: int | None = None,
-    ) -> None: ...
+        stiffness_shares: _Floats | None = None,
+    ) -> Self: ...
     def solve(self, transforms: _Floats, vertices: _Floats | None = None) -> npt.NDArray[np.float32]:
         """Vertices (V,3) float32 of a pose: transforms (B,4,4) = pose · rest⁻¹. vertices (V,3) replace
         the rest positions, for shape keys that act before the armature.
@@ -286,3 +295,6 @@ class PbdSkin:
         vertices, moved_vertices, tetrahedra, islands, active_islands, inverted, constraints (per
         kind) and milliseconds (build, skinning, solve, surface, total).
         """
+
+def pbd_preset(preset: Literal["default", "paper", "rumman_fratarcangeli"]) -> dict[str, Any]:
+    """Settings of a preset of `PbdSkin` by name; what it leaves open (cell_size, threads) is None."""

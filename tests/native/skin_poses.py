@@ -39,15 +39,16 @@ def body_poses(skeleton):
         return vector / np.linalg.norm(vector)
 
     sideways = np.array([1.0, 0, 0])
-    # The plane in which the arm is bent a little at rest is the one in which it bends further.
+    # The arm is bent by 43° at rest; it bends on in the same plane, to 120° in all.
     elbow = np.cross(direction("upperarm_l"), direction("lowerarm_l"))
+    already = np.degrees(np.arcsin(np.linalg.norm(elbow)))
     elbow /= np.linalg.norm(elbow)
     shoulder = np.cross(direction("upperarm_l"), [0, 0, 1.0])
     shoulder /= np.linalg.norm(shoulder)
     turns = {
         "knee 120": ("calf_l", sideways, 120),
         "knee 90": ("calf_l", sideways, 90),
-        "elbow 120": ("lowerarm_l", elbow, 120),
+        "elbow 120": ("lowerarm_l", elbow, 120 - already),
         "forearm twist 120": ("lowerarm_l", direction("lowerarm_l"), 120),
         "hip 90": ("thigh_l", sideways, -90),
         "shoulder 60": ("upperarm_l", shoulder, 60),

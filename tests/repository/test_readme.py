@@ -42,3 +42,10 @@ def test_every_target_says_what_it_does() -> None:
     phony = re.search(r"^\.PHONY: (.*)$", makefile, re.MULTILINE)
     assert phony is not None
     assert set(phony.group(1).split()) == make_targets()
+
+
+def test_the_drawing_shows_every_folder_of_the_core() -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    drawn = set(re.findall(r'\["(\w+)/<br>', text))
+    folders = {path.name for path in (ROOT / "native" / "core" / "src").iterdir() if path.is_dir()}
+    assert folders <= drawn

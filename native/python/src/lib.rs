@@ -10,6 +10,7 @@ mod errors;
 mod mesh;
 mod pbd;
 mod poses;
+mod presets;
 mod progress;
 mod retarget;
 mod rig;
@@ -27,6 +28,8 @@ mod dermis_native {
     use super::mesh::PyTriangleMesh;
     #[pymodule_export]
     use super::pbd::PyPbdSkin;
+    #[pymodule_export]
+    use super::presets::pbd_preset;
     #[pymodule_export]
     use super::progress::PyProgress;
     #[pymodule_export]

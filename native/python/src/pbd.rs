@@ -7,6 +7,7 @@ use numpy::PyArray2;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::arrays::floats;
 use crate::cage::{PyTetMesh, cage_error};
 use crate::errors::{DermisError, value_error};
 use crate::mesh::PyTriangleMesh;
@@ -21,6 +22,7 @@ use crate::weights::PySkinWeights;
 /// same bits, whatever was solved before and on any number of threads. Every setting that is None
 /// comes from `preset`: "default", "paper" (Algorithm 1 as printed) or "rumman_fratarcangeli".
 /// Constraint strengths (`stretch`, `volume`, `bind`, `energy`) go from 0 (off) to 1.
+/// `stiffness_shares` (V,), 0 to 1, lets the stiffness vary over the surface.
 #[pyclass(frozen, name = "PbdSkin", module = "dermis_native")]
 pub(crate) struct PyPbdSkin {
     skin: pbd::PbdSkin,
@@ -33,7 +35,8 @@ impl PyPbdSkin {
     #[pyo3(signature = (
         mesh, skeleton, weights, *, preset="default", iterations=None, volume_sweeps=None, start=None,
         skinning="linear", stretch=None, volume=None, bind=None, energy=None, energy_form=None, stiffness=None,
-        self_collision=None, smoothing=None, region=None, cell_size=None, threads=None
+        self_collision=None, smoothing=None, region=None, cell_size=None, threads=None,
+        stiffness_shares=None
     ))]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -57,6 +60,7 @@ impl PyPbdSkin {
         region: Option<&str>,
         cell_size: Option<f64>,
         threads: Option<usize>,
+        stiffness_shares: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let of_preset = PbdSettings::preset(preset)
             .ok_or_else(|| choice_error("preset", preset, &["default", "paper", "rumman_fratarcangeli"]))?;
@@ -78,7 +82,14 @@ impl PyPbdSkin {
             threads: threads.or(of_preset.threads),
             ..of_preset
         };
-        let skin = py.detach(|| pbd::PbdSkin::new(&mesh.0, &skeleton.0, &weights.0, &settings));
+        let shares =
+            stiffness_shares.map(|shares| floats(shares, "stiffness_shares", &[None])).transpose()?;
+        let shares = shares
+            .map(|shares| PyResult::Ok(shares.as_slice()?.iter().map(|&s| s as f32).collect::<Vec<_>>()));
+        let shares = shares.transpose()?;
+        let skin = py.detach(|| {
+            pbd::PbdSkin::with_stiffness(&mesh.0, &skeleton.0, &weights.0, &settings, shares.as_deref())
+        });
         let skin = skin.map_err(pbd_error)?;
         let last = Mutex::new(skin.build_stats());
         Ok(Self { skin, last })
@@ -181,6 +192,9 @@ fn pbd_error(error: PbdError) -> PyErr {
     match error {
         PbdError::Cage(error) => cage_error(error),
         PbdError::Threads { .. } => DermisError::new_err(error.to_string()),
-        PbdError::Mismatch { .. } | PbdError::Setting { .. } | PbdError::Skinning(_) => value_error(error),
+        PbdError::Mismatch { .. }
+        | PbdError::Setting { .. }
+        | PbdError::StiffnessShare { .. }
+        | PbdError::Skinning(_) => value_error(error),
     }
 }

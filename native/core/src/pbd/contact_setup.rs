@@ -7,7 +7,8 @@ use super::contact::{ContactVertex, JointContact};
 use super::island::SurfacePoint;
 use super::patch::PatchInput;
 
-/// Vertices within this many radii of a joint can touch the other side.
+/// Vertices within this many radii of a joint can touch the other side; beyond, as far as the
+/// shorter of the two limbs reaches, because a limb that folds back lies along the other one.
 const CANDIDATE_REACH: f64 = 2.8;
 /// Sharpness with which the seam is looked up by direction around the joint.
 const SEAM_SHARPNESS: f64 = 8.0;
@@ -29,7 +30,8 @@ fn joint_contact(input: &PatchInput<'_>, area: &JointArea, surface: &[SurfacePoi
     let normal = (down_direction - up_direction).try_normalize()?;
     let position = |v: u32| input.mesh.vertices()[v as usize];
     let share = |v: u32| input.areas.share(v as usize, area.bone);
-    let reach = CANDIDATE_REACH * area.radius;
+    let limb = up.distance(area.centre).min(down.distance(area.centre));
+    let reach = (CANDIDATE_REACH * area.radius).max(limb);
     let points: Vec<u32> = (0..)
         .zip(surface)
         .filter(|(_, point)| position(point.vertex).distance(area.centre) <= reach)

@@ -30,6 +30,14 @@ pub enum PbdError {
         /// What is allowed.
         range: &'static str,
     },
+    /// A vertex's share of the stiffness is out of range.
+    #[error("the stiffness share of vertex {vertex} is {share}; it must be from 0 to 1")]
+    StiffnessShare {
+        /// Index of the vertex.
+        vertex: usize,
+        /// Its share.
+        share: f32,
+    },
     /// The pose or the vertices cannot be skinned.
     #[error(transparent)]
     Skinning(#[from] SkinningError),

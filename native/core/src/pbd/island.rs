@@ -34,6 +34,8 @@ pub(super) struct Island {
     pub rest_volume: f32,
     /// Distances of each tetrahedron's corners from its barycentre in rest.
     pub spring_lengths: Vec<[f32; 4]>,
+    /// Share of the stiffness in each tetrahedron; empty where it is 1 everywhere.
+    pub stiffness_shares: Vec<f32>,
     pub binds: Vec<Bind>,
     pub contacts: Vec<JointContact>,
     /// Surface vertices that follow the island, `local` in the order of this list.

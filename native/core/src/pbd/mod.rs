@@ -18,6 +18,7 @@ mod skin;
 mod smoothing;
 mod solver;
 mod stats;
+mod stiffness;
 mod stretch;
 mod surface_contact;
 mod volume;

@@ -9,6 +9,7 @@ use super::contact_setup::joint_contacts;
 use super::fit::cage_fit;
 use super::island::{Bind, Island, SurfacePoint, spring_lengths};
 use super::masks::{PatchMasks, geodesic_distances};
+use super::stiffness::{particle_shares, tetrahedron_share};
 use super::{PbdError, Region};
 use crate::cage::{
     BccLattice, CageError, Embedding, LatticeCage, Membership, WindingNumber, embed, extend_weights,
@@ -56,6 +57,8 @@ pub(super) struct PatchInput<'a> {
     pub surface: &'a SurfaceQuery,
     pub adjacency: &'a Adjacency,
     pub region: Region,
+    /// Share of the stiffness at each surface vertex, where it varies.
+    pub stiffness_shares: Option<&'a [f32]>,
 }
 
 /// Builds the islands of a patch. A cell size that was not asked for grows until the patch has no
@@ -106,10 +109,22 @@ fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec
             false => freedom(input, &areas, &rows[i], cage.mesh.vertices()[i]),
         })
         .collect();
+    let stiffness_shares = match input.stiffness_shares {
+        Some(shares) => particle_shares(&cage, &embeddings, shares)?,
+        None => Vec::new(),
+    };
+    let shares_of = |members: &[u32]| match stiffness_shares.as_slice() {
+        [] => Vec::new(),
+        shares => {
+            members.iter().map(|&t| tetrahedron_share(cage.mesh.tetrahedra()[t as usize], shares)).collect()
+        }
+    };
     Ok(split(&freedom, cage.mesh.tetrahedra())
         .into_iter()
         .map(|tetrahedra| {
-            build_island(input, patch, &areas, &cage, &rows, &fit, &freedom, &embeddings, &tetrahedra)
+            let island =
+                build_island(input, patch, &areas, &cage, &rows, &fit, &freedom, &embeddings, &tetrahedra);
+            Island { stiffness_shares: shares_of(&tetrahedra), ..island }
         })
         .collect())
 }
@@ -276,6 +291,7 @@ fn build_island(
         edges,
         rest_volume: cage.lattice.tetrahedron_volume() as f32,
         spring_lengths: global.iter().map(|t| spring_lengths(t.map(position))).collect(),
+        stiffness_shares: Vec::new(),
         binds,
         surface,
         bones: bones.into_iter().map(|entry| entry.0).collect(),

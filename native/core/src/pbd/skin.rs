@@ -14,6 +14,7 @@ use super::patch::{PatchInput, build_patch};
 use super::smoothing::smooth_correction;
 use super::solver::{Scratch, inverted, solve_island};
 use super::stats::{ConstraintCounts, Milliseconds, Stats};
+use super::stiffness::check_shares;
 use super::surface_contact::SurfaceContacts;
 use super::{PbdError, PbdSettings, SkinningMethod};
 use crate::cage::{TetMesh, WindingNumber};
@@ -70,8 +71,25 @@ impl PbdSkin {
         weights: &SkinWeights,
         settings: &PbdSettings,
     ) -> Result<Self, PbdError> {
+        Self::with_stiffness(mesh, skeleton, weights, settings, None)
+    }
+
+    /// Like [`Self::new`], with a share (V), 0 to 1, of the settings' stiffness at each vertex.
+    ///
+    /// # Errors
+    /// Those of [`Self::new`], and [`PbdError::StiffnessShare`] naming a vertex.
+    pub fn with_stiffness(
+        mesh: &TriangleMesh,
+        skeleton: &Skeleton,
+        weights: &SkinWeights,
+        settings: &PbdSettings,
+        stiffness_shares: Option<&[f32]>,
+    ) -> Result<Self, PbdError> {
         let begin = Instant::now();
         settings.check()?;
+        if let Some(shares) = stiffness_shares {
+            check_shares(shares, mesh.vertex_count())?;
+        }
         for (element, left, left_count, right, right_count) in [
             ("vertices", "mesh", mesh.vertex_count(), "weights", weights.vertex_count()),
             ("bones", "skeleton", skeleton.bone_count(), "weights", weights.bone_count()),
@@ -86,7 +104,7 @@ impl PbdSkin {
         });
         let pool = pool.transpose()?;
         let adjacency = Adjacency::new(mesh.vertex_count(), &mesh.topology());
-        let build = || build_islands(mesh, skeleton, weights, settings, &adjacency);
+        let build = || build_islands(mesh, skeleton, weights, settings, stiffness_shares, &adjacency);
         let islands = pool.as_ref().map_or_else(build, |pool| pool.install(build))?;
         let mut moved: Vec<u32> = islands.iter().flat_map(|i| i.surface.iter().map(|p| p.vertex)).collect();
         moved.sort_unstable();
@@ -292,6 +310,7 @@ fn build_islands(
     skeleton: &Skeleton,
     weights: &SkinWeights,
     settings: &PbdSettings,
+    stiffness_shares: Option<&[f32]>,
     adjacency: &Adjacency,
 ) -> Result<Vec<Island>, PbdError> {
     let Ok(surface) = SurfaceQuery::new(mesh) else {
@@ -311,6 +330,7 @@ fn build_islands(
         surface: &surface,
         adjacency,
         region: settings.region,
+        stiffness_shares,
     };
     let patches: Result<Vec<Vec<Island>>, PbdError> = (0..areas.cell_sizes.len() as u32)
         .into_par_iter()

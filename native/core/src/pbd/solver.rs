@@ -135,10 +135,12 @@ fn sweep_bind(island: &Island, stiffness: f32, anchors: &[Vector3<f32>], positio
 }
 
 fn sweep_energy(island: &Island, settings: &PbdSettings, scratch: &mut Scratch) {
-    let compliance = (settings.energy * settings.stiffness).recip() + LEAST_COMPLIANCE;
+    let stiffness = settings.energy * settings.stiffness;
     let (w, positions) = (&island.inverse_masses, &mut scratch.positions);
     let springs = island.tetrahedra.iter().zip(&island.spring_lengths);
-    for ((corners, &lengths), multipliers) in springs.zip(&mut scratch.multipliers) {
+    for (index, ((corners, &lengths), multipliers)) in springs.zip(&mut scratch.multipliers).enumerate() {
+        let share = island.stiffness_shares.get(index).copied().unwrap_or(1.0);
+        let compliance = (stiffness * share).recip() + LEAST_COMPLIANCE;
         let c = corners.map(|corner| corner as usize);
         let (mut p, masses) = (c.map(|i| positions[i]), c.map(|i| w[i]));
         match settings.energy_form {

@@ -1,16 +1,17 @@
 //! Offsets of the skinned surface taken back into rest space: what a shape key before the Armature
 //! modifier has to hold so that the skinned surface moves by a wanted offset.
 
-use glam::{Mat3A, Vec3, Vec3A};
+use glam::{DVec3, Mat3, Mat3A, Vec3, Vec3A};
+use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
 
 use super::{SkinWeights, Skinning};
 
 /// Vertices per task.
 const CHUNK: usize = 2048;
-/// A blended matrix that shrinks some direction below this share of its largest axis is nearly
-/// singular (linear blending at a half turn): its offsets are limited.
-const SINGULAR: f32 = 1e-2;
+/// A blended matrix with a singular value below this share of its largest is nearly singular
+/// (linear blending within one degree of a half turn): its offsets are limited.
+const SINGULAR: f64 = 1e-2;
 
 /// Offsets in rest space, and how many of them had to be limited.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,7 +23,7 @@ pub struct RestSpaceOffsets {
 }
 
 /// Takes offsets (V) of the skinned surface back to rest by the inverse of each vertex's blended
-/// matrix. Nearly singular matrices are damped, so that no vertex is thrown away, and counted.
+/// matrix. Nearly singular matrices are limited, so that no vertex is thrown away, and counted.
 /// Vertices without weights keep their offset. The three must have one entry (row) for each vertex.
 #[must_use]
 pub fn to_rest_space(skinning: &Skinning<'_>, weights: &SkinWeights, offsets: &[Vec3]) -> RestSpaceOffsets {
@@ -35,9 +36,9 @@ pub fn to_rest_space(skinning: &Skinning<'_>, weights: &SkinWeights, offsets: &[
             for (vertex, out) in (chunk * CHUNK..).zip(rest) {
                 let offset = offsets[vertex];
                 if offset != Vec3::ZERO {
-                    let (solved, damped) = solve(&skinning.matrix(weights.row(vertex)), offset.into());
+                    let (solved, is_limited) = solve(&skinning.matrix(weights.row(vertex)), offset.into());
                     *out = solved.into();
-                    limited += usize::from(damped);
+                    limited += usize::from(is_limited);
                 }
             }
             limited
@@ -46,19 +47,30 @@ pub fn to_rest_space(skinning: &Skinning<'_>, weights: &SkinWeights, offsets: &[
     RestSpaceOffsets { offsets: rest, limited }
 }
 
-/// Solves `matrix · x = offset`, damped where the matrix is nearly singular.
+/// Solves `matrix · x = offset`; true where singular values had to be limited. A limited singular
+/// value σ counts as s² / σ, s the limit: continuous at s, and bounded where σ is zero.
 fn solve(matrix: &Mat3A, offset: Vec3A) -> (Vec3A, bool) {
-    let columns = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
-    let largest = columns.iter().map(|c| c.length_squared()).fold(0.0, f32::max).sqrt();
-    // |det| is at most σ_min · largest², up to a factor of 3.
-    if matrix.determinant().abs() > SINGULAR * largest.powi(3) {
-        return (matrix.inverse() * offset, false);
+    let matrix = Mat3::from(*matrix).as_dmat3();
+    let squares: f64 = matrix.to_cols_array().iter().map(|x| x * x).sum();
+    // The two largest singular values have a product of at most half of that, and each is at most
+    // its root: what passes here is regular.
+    if matrix.determinant().abs() > 0.5 * SINGULAR * squares * squares.sqrt() {
+        return ((matrix.inverse() * offset.as_dvec3()).as_vec3a(), false);
     }
-    let damping = (SINGULAR * largest).powi(2).max(f32::MIN_POSITIVE);
-    let transposed = matrix.transpose();
-    let normal = transposed * *matrix + Mat3A::from_diagonal(Vec3::splat(damping));
-    let solved = normal.inverse() * (transposed * offset);
-    (if solved.is_finite() { solved } else { Vec3A::ZERO }, true)
+    // AᵀA is symmetric: its decomposition always succeeds.
+    let gram = matrix.transpose() * matrix;
+    let eigen = SymmetricEigen::new(Matrix3::from_column_slice(&gram.to_cols_array()));
+    let least = (SINGULAR * SINGULAR * eigen.eigenvalues.max()).max(f64::MIN_POSITIVE);
+    let wanted = matrix.transpose() * offset.as_dvec3();
+    let mut solved = DVec3::ZERO;
+    let mut limited = false;
+    for (&value, axis) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        let axis = DVec3::new(axis[0], axis[1], axis[2]);
+        limited |= value < least;
+        solved += axis * (axis.dot(wanted) / value.max(least));
+    }
+    let solved = solved.as_vec3a();
+    (if solved.is_finite() { solved } else { Vec3A::ZERO }, limited)
 }
 
 #[cfg(test)]
@@ -90,10 +102,35 @@ mod tests {
     }
 
     #[test]
+    fn only_nearly_half_turns_are_limited_and_stay_bounded() {
+        let mut last = 0.0;
+        for tenths in 1600..=1800u16 {
+            let angle = (f32::from(tenths) / 10.0).to_radians();
+            let transforms = [Affine3A::IDENTITY, Affine3A::from_rotation_x(angle)];
+            let skinning = Skinning::linear(&transforms);
+            // The direction that the collapse shrinks most, at the size that the collapse leaves.
+            let wanted = Vec3::from(skinning.matrix(weights().row(0)) * Vec3A::Y);
+            let rest = to_rest_space(&skinning, &weights(), &[wanted, Vec3::ZERO]);
+            let length = rest.offsets[0].length();
+            if tenths < 1788 {
+                assert_eq!(rest.limited, 0, "{tenths}");
+                assert!(rest.offsets[0].distance(Vec3::Y) < 1e-4, "{tenths}: {}", rest.offsets[0]);
+            } else if tenths > 1790 {
+                assert_eq!(rest.limited, 1, "{tenths}");
+                assert!(length <= 1.0 && length <= last, "{tenths}: {length}");
+            }
+            last = length + 1e-3;
+        }
+    }
+
+    #[test]
     fn a_half_turn_is_limited_and_finite() {
         let transforms = [Affine3A::IDENTITY, Affine3A::from_rotation_x(std::f32::consts::PI)];
         let rest = to_rest_space(&Skinning::linear(&transforms), &weights(), &[Vec3::Y, Vec3::ZERO]);
         assert_eq!(rest.limited, 1);
-        assert!(rest.offsets[0].is_finite() && rest.offsets[0].length() < 1.0 / SINGULAR);
+        assert!(rest.offsets[0].is_finite() && rest.offsets[0].length() < 1.0 / SINGULAR as f32);
+        let flat = [Affine3A::from_scale(Vec3::ZERO); 2];
+        let rest = to_rest_space(&Skinning::linear(&flat), &weights(), &[Vec3::Y, Vec3::ZERO]);
+        assert_eq!((rest.limited, rest.offsets[0]), (1, Vec3::ZERO));
     }
 }

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the solver's space lies: the world's axes and unit, with the object's origin in its centre.
+
+It is chosen when a skin is bound and kept in the file, so that every process, at whatever frame it
+starts, solves in the same space and gets the same bits.
+"""
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..core.character import Bones, Surface
+from ..core.pose import affine_inverse
+from .transform import world_matrix
+
+
+@dataclass(frozen=True)
+class Placement:
+    """object and armature (4,4) take the spaces of the mesh and of its armature to the solver's."""
+
+    object: np.ndarray
+    armature: np.ndarray
+
+    @property
+    def object_to_armature(self) -> np.ndarray:
+        """Matrix (4,4) from the object's space to the armature's when the skin was bound."""
+        return affine_inverse(self.armature) @ self.object
+
+    def surface(self, surface: Surface) -> Surface:
+        """A surface of the object's space in the solver's, turned right side out where that mirrors."""
+        linear = self.object[:3, :3]
+        with np.errstate(invalid="ignore"):
+            vertices = surface.vertices.astype(np.float64) @ linear.T
+        placed = Surface(vertices, surface.loop_counts, surface.loop_indices)
+        return placed.flipped() if np.linalg.det(linear) < 0 else placed
+
+    def bones(self, bones: Bones) -> Bones:
+        """Bones of the armature's space in the solver's."""
+        linear, origin = self.armature[:3, :3], self.armature[:3, 3]
+        return Bones(bones.names, bones.heads @ linear.T + origin, bones.tails @ linear.T + origin, bones.parents)
+
+    def in_object(self, offsets: np.ndarray) -> np.ndarray:
+        """Offsets (V,3) of the solver's space in the object's."""
+        return offsets @ affine_inverse(self.object)[:3, :3].T
+
+
+def object_to_armature(ob: bpy.types.Object, armature: bpy.types.Object) -> np.ndarray:
+    """Matrix (4,4) from the object's space to the armature's, both evaluated in one scene.
+
+    InputError where one of them is flattened or not finite.
+    """
+    try:
+        matrix = affine_inverse(np.array(armature.matrix_world)) @ np.array(ob.matrix_world)
+        affine_inverse(matrix)
+    except ZeroDivisionError:
+        matrix = np.full((4, 4), np.nan)
+    if not np.isfinite(matrix).all():
+        # These name the object and what is wrong with it.
+        world_matrix(ob), world_matrix(armature)
+    return matrix
+
+
+def place(ob: bpy.types.Object, armature: bpy.types.Object) -> Placement:
+    """The placement of an object and its armature as they stand now in an evaluated scene."""
+    linear = np.eye(4)
+    linear[:3, :3] = world_matrix(ob)[:3, :3]
+    armature_matrix = linear @ affine_inverse(object_to_armature(ob, armature))
+    # In the precision that a file keeps, so that it is the same before and after saving.
+    return Placement(*(m.astype(np.float32).astype(np.float64) for m in (linear, armature_matrix)))
+
+
+def store(ob: bpy.types.Object, placement: Placement, geometry_key: str) -> None:
+    """Keep the placement, and the geometry it was chosen for, on the object."""
+    kept = ob.dermis_skin
+    kept.object_matrix = placement.object.ravel()
+    kept.armature_matrix = placement.armature.ravel()
+    kept.geometry_key = geometry_key
+
+
+def stored(ob: bpy.types.Object) -> Placement:
+    """The placement that `store` kept."""
+    kept = ob.dermis_skin
+    return Placement(*(np.array(m, np.float64).reshape(4, 4) for m in (kept.object_matrix, kept.armature_matrix)))

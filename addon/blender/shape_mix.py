@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The shape that the other shape keys make before the Armature modifier acts."""
+
+import bpy
+import numpy as np
+
+from .skin_key import KEY_NAME
+
+
+def key_groups(mesh: bpy.types.Mesh) -> tuple[str, ...]:
+    """Names of the vertex groups that limit shape keys other than the skin's."""
+    keys = mesh.shape_keys
+    if keys is None:
+        return ()
+    return tuple(sorted({key.vertex_group for key in keys.key_blocks if key.vertex_group and key.name != KEY_NAME}))
+
+
+def mixed_positions(
+    ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph, groups: dict[str, np.ndarray]
+) -> tuple[np.ndarray | None, float]:
+    """Positions (V,3) float64 in the object's space, None where no other key acts; and the skin key's value.
+
+    Values are those of the evaluated scene, drivers and animation included. `groups` holds the
+    weights (V,) of the groups that `key_groups` names.
+    """
+    keys = ob.data.shape_keys
+    blocks = keys.key_blocks
+    values = np.empty(len(blocks), np.float32)
+    keys.evaluated_get(depsgraph).key_blocks.foreach_get("value", values)
+    muted = np.empty(len(blocks), np.bool_)
+    blocks.foreach_get("mute", muted)
+    values[muted] = 0.0
+    reference = keys.reference_key
+    own = blocks.find(KEY_NAME)
+    mix = None
+    for index in np.flatnonzero(values).tolist():
+        key = blocks[index]
+        if index == own or key == reference:
+            continue
+        if mix is None:
+            mix = _points(reference)
+        offset = float(values[index]) * (_points(key) - _points(key.relative_key))
+        if key.vertex_group:
+            offset *= groups[key.vertex_group][:, None]
+        mix += offset
+    return mix, float(values[own])
+
+
+def _points(key: bpy.types.ShapeKey) -> np.ndarray:
+    flat = np.empty(len(key.points) * 3, np.float32)
+    key.points.foreach_get("co", flat)
+    return flat.reshape(-1, 3).astype(np.float64)
