@@ -17,6 +17,14 @@ const CELLS_PER_RADIUS: f64 = 1.25;
 /// Joints whose cell sizes differ by at most this factor may share a cage.
 const SHARED_CELL_RATIO: f64 = 4.0;
 
+/// Tetrahedra in a cube of the lattice.
+const TETRAHEDRA_PER_CELL: f64 = 12.0;
+/// Estimated tetrahedra of all patches, at most, while cell sizes are chosen here: more cannot be
+/// solved while animating.
+const MOST_TETRAHEDRA: f64 = 64_000.0;
+/// Growth of the finest cells while there are more.
+const COARSER: f64 = 1.1;
+
 /// The joint at the head of a bone that has a parent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointArea {
@@ -87,6 +95,11 @@ impl JointAreas {
             (0..mesh.vertex_count()).map(|v| result.home_of(v, mesh.vertices()[v], weights)).collect();
         result.group(mesh, cell_size);
         result
+    }
+
+    #[cfg(test)]
+    pub(super) fn from_parts(areas: Vec<JointArea>, cell_sizes: Vec<f64>, home: Vec<Option<u32>>) -> Self {
+        Self { areas, cell_sizes, area_of_bone: Vec::new(), shares: Vec::new(), home }
     }
 
     /// Share of a bone and all bones below it in a vertex's weights.
@@ -160,6 +173,31 @@ impl JointAreas {
             });
             area.patch = patch;
         }
+        self.limit(mesh);
+    }
+
+    /// Lets the finest cells grow until all patches together have an affordable number.
+    fn limit(&mut self, mesh: &TriangleMesh) {
+        // Volume of a patch from its surface and the radius of its limbs, and a layer of cells.
+        let mut solids = vec![(0.0, 0.0); self.cell_sizes.len()];
+        for (t, triangle) in mesh.triangles().iter().enumerate() {
+            if let Some(home) = triangle.iter().find_map(|&v| self.home[v as usize]) {
+                let area = &self.areas[home as usize];
+                let surface = 0.5 * mesh.area_vector(t).length();
+                let (volume, total) = &mut solids[area.patch as usize];
+                *volume += 0.5 * surface * area.radius;
+                *total += surface;
+            }
+        }
+        let tetrahedra = |finest: f64| -> f64 {
+            let sizes = self.cell_sizes.iter().map(|size| size.max(finest));
+            solids.iter().zip(sizes).map(|((v, a), h)| TETRAHEDRA_PER_CELL * (v + a * h) / h.powi(3)).sum()
+        };
+        let mut finest = self.cell_sizes.iter().copied().fold(f64::INFINITY, f64::min);
+        while finest.is_finite() && tetrahedra(finest) > MOST_TETRAHEDRA {
+            finest *= COARSER;
+        }
+        self.cell_sizes.iter_mut().for_each(|size| *size = size.max(finest));
     }
 }
 
@@ -219,17 +257,19 @@ fn limb_distance(skeleton: &Skeleton, parent: u32, bone: u32, position: DVec3) -
 mod tests {
     use super::*;
 
+    const SIDES: u32 = 12;
+
     /// A prism of radius 1 along x from −6 to 6 with a ring at every half, bones meeting at −2, 2.
     fn prism(radius: impl Fn(f64) -> f64) -> (TriangleMesh, Skeleton, SkinWeights) {
         let xs: Vec<f64> = (-12..=12).map(|i| f64::from(i) * 0.5).collect();
-        let vertices = xs.iter().flat_map(|&x| {
-            [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)]
-                .map(|(y, z)| DVec3::new(x, y, z) * DVec3::new(1.0, radius(x), radius(x)))
-        });
+        let around = (0..SIDES).map(|k| std::f64::consts::TAU * f64::from(k) / f64::from(SIDES));
+        let circle: Vec<DVec3> = around.map(|angle| DVec3::new(0.0, angle.cos(), angle.sin())).collect();
+        let vertices = xs.iter().flat_map(|&x| circle.iter().map(move |&p| (x, p)));
+        let vertices = vertices.map(|(x, p)| DVec3::X * x + p * radius(x));
         let triangles = (0..xs.len() as u32 - 1).flat_map(|i| {
-            (0..4).flat_map(move |k| {
-                let (a, b) = (4 * i + k, 4 * i + (k + 1) % 4);
-                [[a, b, b + 4], [a, b + 4, a + 4]]
+            (0..SIDES).flat_map(move |k| {
+                let (a, b) = (SIDES * i + k, SIDES * i + (k + 1) % SIDES);
+                [[a, b, b + SIDES], [a, b + SIDES, a + SIDES]]
             })
         });
         let mesh = TriangleMesh::new(vertices.collect(), triangles.collect()).unwrap();
@@ -240,8 +280,9 @@ mod tests {
         let entries = xs.iter().enumerate().flat_map(|(ring, &x)| {
             let (second, third) = (ramp((x + 2.0) / 2.0), ramp((x - 2.0) / 2.0));
             let row = [1.0 - second, second - third, third];
-            (0..4).flat_map(move |k| {
-                row.into_iter().enumerate().map(move |(b, w)| ((4 * ring + k) as i64, b as i64, w))
+            (0..SIDES as usize).flat_map(move |k| {
+                let vertex = SIDES as usize * ring + k;
+                row.into_iter().enumerate().map(move |(b, w)| (vertex as i64, b as i64, w))
             })
         });
         let weights = SkinWeights::from_triplets(entries, mesh.vertex_count(), 3).unwrap();
@@ -257,7 +298,7 @@ mod tests {
         assert_eq!(areas.cell_sizes.len(), 1);
         assert_eq!(areas.home[0], Some(0), "rigid, moved by the first bone");
         assert_eq!(areas.home[mesh.vertex_count() - 1], Some(1));
-        assert!((areas.share(4 * 12, 1) - 1.0).abs() < 1e-6, "all below the first joint");
+        assert!((areas.share(SIDES as usize * 12, 1) - 1.0).abs() < 1e-6, "all below the first joint");
     }
 
     #[test]
@@ -268,6 +309,14 @@ mod tests {
         assert!(areas.cell_sizes[0] > 4.0 * areas.cell_sizes[1]);
         let one = JointAreas::new(&mesh, &skeleton, &weights, Some(0.3));
         assert_eq!(one.cell_sizes, [0.3]);
+    }
+
+    #[test]
+    fn the_finest_cells_grow_until_all_are_affordable() {
+        let (mesh, skeleton, weights) = prism(|x| if x < 0.0 { 500.0 } else { 0.9 });
+        let areas = JointAreas::new(&mesh, &skeleton, &weights, None);
+        let cells: f64 = 12.0 * 500f64.powi(2) * 6.0 / areas.cell_sizes[0].powi(3);
+        assert!(cells < 2.0 * MOST_TETRAHEDRA, "{:?}", areas.cell_sizes);
     }
 
     #[test]

@@ -84,12 +84,13 @@ pub(super) struct FoldPlane {
 
 impl JointContact {
     /// The plane through the joint, perpendicular to the plane of its two bones, half way between
-    /// them; `None` where they are in line.
+    /// them; `None` where they are in line or have not turned since rest.
     pub(super) fn fold_plane(&self, transforms: &[Affine3A]) -> Option<FoldPlane> {
         let (below, above) = (&transforms[self.bone as usize], &transforms[self.parent as usize]);
-        if below.abs_diff_eq(*above, UNMOVED) {
-            return None;
-        }
+        if below.abs_diff_eq(*above, UNMOVED) { None } else { self.plane_between(below, above) }
+    }
+
+    fn plane_between(&self, below: &Affine3A, above: &Affine3A) -> Option<FoldPlane> {
         let joint = below.transform_point3(self.joint).midpoint(above.transform_point3(self.joint));
         let up = (above.transform_point3(self.up) - joint).try_normalize()?;
         let down = (below.transform_point3(self.down) - joint).try_normalize()?;
@@ -180,8 +181,7 @@ impl JointContact {
 
     /// Overlap of each candidate with the other side in rest.
     pub(super) fn rest_overlaps(&self, positions: &[Vec3]) -> Vec<f32> {
-        let still = vec![Affine3A::IDENTITY; 1 + self.bone.max(self.parent) as usize];
-        let Some(fold) = self.fold_plane(&still) else {
+        let Some(fold) = self.plane_between(&Affine3A::IDENTITY, &Affine3A::IDENTITY) else {
             return vec![0.0; positions.len()];
         };
         let places: Vec<Place> =
@@ -203,4 +203,112 @@ impl JointContact {
 
 fn highest_first(a: &Place, b: &Place) -> std::cmp::Ordering {
     b.beyond.total_cmp(&a.beyond)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two rows of candidates along a limb on x, on its inner side (+y) at radius 0.3.
+    fn contact() -> (JointContact, Vec<Vec3>) {
+        let rest: Vec<Vec3> = (-8..=8).map(|i| Vec3::new(i as f32 * 0.1, 0.3, 0.0)).collect();
+        let vertices = rest.iter().zip(0..).map(|(p, point)| ContactVertex {
+            point,
+            below: p.x > 0.0,
+            seam: 0.0,
+            rest_violation: 0.0,
+            rest_overlap: 0.0,
+        });
+        let contact = JointContact {
+            bone: 1,
+            parent: 0,
+            joint: Vec3::ZERO,
+            up: -Vec3::X,
+            down: Vec3::X,
+            spacing: 0.1,
+            vertices: vertices.collect(),
+        };
+        (contact, rest)
+    }
+
+    fn bent(angle: f32) -> [Affine3A; 2] {
+        [Affine3A::IDENTITY, Affine3A::from_rotation_z(angle)]
+    }
+
+    fn rigid(contact: &JointContact, rest: &[Vec3], pose: &[Affine3A; 2]) -> Vec<Vec3> {
+        let of = |(v, p): (&ContactVertex, &Vec3)| pose[usize::from(v.below)].transform_point3(*p);
+        contact.vertices.iter().zip(rest).map(of).collect()
+    }
+
+    #[test]
+    fn the_fold_plane_halves_the_bend() {
+        let (contact, _) = contact();
+        let fold = contact.fold_plane(&bent(1.0)).unwrap();
+        let half = Vec3::new(0.5f32.cos(), 0.5f32.sin(), 0.0);
+        assert!(fold.plane.normal.distance(half) < 1e-6);
+        assert!(fold.inwards.distance(Vec3::new(-half.y, half.x, 0.0)) < 1e-6);
+        assert!((fold.half_cosine - 0.5f32.cos()).abs() < 1e-6);
+        assert!(contact.fold_plane(&bent(0.0)).is_none(), "straight");
+        assert!(contact.fold_plane(&[Affine3A::from_rotation_z(1.0); 2]).is_none(), "turned as a whole");
+    }
+
+    #[test]
+    fn sides_that_pass_into_each_other_are_pushed_apart_and_no_farther_than_the_plane() {
+        let (contact, rest) = contact();
+        let pose = bent(1.8);
+        let fold = contact.fold_plane(&pose).unwrap();
+        let positions = rigid(&contact, &rest, &pose);
+        let mut scratch = ContactScratch::default();
+        contact.pushes(&fold, &positions, &mut scratch);
+        assert!(scratch.pushes.len() > 3);
+        for push in &scratch.pushes {
+            let vertex = &contact.vertices[push.candidate as usize];
+            let beyond = |p: Vec3| {
+                let height = (p - fold.plane.point).dot(fold.plane.normal);
+                if vertex.below { -height } else { height }
+            };
+            let before = positions[push.candidate as usize];
+            assert!(beyond(before) > 0.0);
+            let after = beyond(before + push.offset);
+            assert!((-1e-6..beyond(before)).contains(&after), "{after}");
+        }
+        contact.pushes(&fold, &rigid(&contact, &rest, &bent(-1.8)), &mut scratch);
+        assert!(scratch.pushes.is_empty(), "bent the other way");
+    }
+
+    #[test]
+    fn one_side_alone_may_pass_the_plane() {
+        let (contact, rest) = contact();
+        let pose = bent(1.8);
+        let fold = contact.fold_plane(&pose).unwrap();
+        let mut positions = rigid(&contact, &rest, &pose);
+        for (vertex, position) in contact.vertices.iter().zip(&mut positions) {
+            if vertex.below {
+                *position += fold.plane.normal * 5.0;
+            }
+        }
+        let mut scratch = ContactScratch::default();
+        contact.pushes(&fold, &positions, &mut scratch);
+        assert!(scratch.pushes.is_empty());
+    }
+
+    #[test]
+    fn what_overlaps_in_rest_is_left_alone() {
+        let (mut contact, rest) = contact();
+        let folded = bent(1.8);
+        let positions = rigid(&contact, &rest, &folded);
+        // The folded state as rest: the same bones, not turned, over the same points.
+        contact.up = folded[0].transform_point3(contact.up);
+        contact.down = folded[1].transform_point3(contact.down);
+        let overlaps = contact.rest_overlaps(&positions);
+        assert!(overlaps.iter().any(|overlap| *overlap > 0.1));
+        for (vertex, overlap) in contact.vertices.iter_mut().zip(overlaps) {
+            vertex.rest_overlap = overlap;
+        }
+        let nearly = [Affine3A::IDENTITY, Affine3A::from_rotation_z(1e-3)];
+        let fold = contact.fold_plane(&nearly).unwrap();
+        let mut scratch = ContactScratch::default();
+        contact.pushes(&fold, &positions, &mut scratch);
+        assert!(scratch.pushes.iter().all(|push| push.offset.length() < 1e-2), "{:?}", scratch.pushes);
+    }
 }

@@ -90,3 +90,47 @@ pub(super) fn geodesic_distances(
     }
     distances
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pbd::areas::JointArea;
+    use glam::DVec3;
+
+    /// A strip of quads along x, one unit each.
+    fn strip(count: u32) -> TriangleMesh {
+        let vertices = (0..=count).flat_map(|i| [0.0, 1.0].map(|y| DVec3::new(f64::from(i), y, 0.0)));
+        let triangles = (0..count).flat_map(|i| {
+            let a = 2 * i;
+            [[a, a + 2, a + 1], [a + 2, a + 3, a + 1]]
+        });
+        TriangleMesh::new(vertices.collect(), triangles.collect()).unwrap()
+    }
+
+    #[test]
+    fn distances_follow_edges_and_stop_at_the_limit() {
+        let mesh = strip(6);
+        let adjacency = Adjacency::new(mesh.vertex_count(), &mesh.topology());
+        let distances = geodesic_distances(&mesh, &adjacency, [0usize].into_iter(), 3.5);
+        assert_eq!(distances[0], Some(0.0));
+        assert_eq!(distances[1], Some(1.0));
+        assert_eq!(distances[6], Some(3.0));
+        assert_eq!(distances[8], None, "4 away");
+    }
+
+    #[test]
+    fn masks_pass_from_patch_to_patch_and_sum_to_one() {
+        let mesh = strip(40);
+        let adjacency = Adjacency::new(mesh.vertex_count(), &mesh.topology());
+        let area = |patch: u32| JointArea { bone: 1, parent: 0, centre: DVec3::ZERO, radius: 1.0, patch };
+        let home = (0..mesh.vertex_count()).map(|v| Some(u32::from(v >= 40))).collect();
+        let areas = JointAreas::from_parts(vec![area(0), area(1)], vec![2.0, 1.0], home);
+        let masks = PatchMasks::new(&mesh, &adjacency, &areas);
+        for v in 0..mesh.vertex_count() {
+            assert!((masks.mask(v, 0) + masks.mask(v, 1) - 1.0).abs() < 1e-12);
+        }
+        assert_eq!((masks.mask(0, 0), masks.mask(81, 1)), (1.0, 1.0), "far from the border");
+        assert!(masks.mask(38, 1) > 0.3 && masks.mask(38, 0) > 0.3, "at the border");
+        assert!((2..38).step_by(2).all(|v| masks.mask(v + 2, 0) <= masks.mask(v, 0)));
+    }
+}
