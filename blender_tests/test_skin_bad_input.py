@@ -256,6 +256,8 @@ def test_removed_shape_key():
     s.enable(rig)
     assert s.state(ob).error == ""
     assert s.correction(ob).any()
+    s.disable(rig)
+    assert ob.data.shape_keys is None, "the Basis came with the skin and goes with it"
 
 
 def test_flattened_object():

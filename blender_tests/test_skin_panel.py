@@ -26,6 +26,9 @@ def test_switch_influence_statistics_and_settings():
     assert f"{stats['tetrahedra']:,} tetrahedra" in line
     assert f"{sum(stats['constraints'].values()):,} constraints" in line
     assert "ms per frame" in line
+    assert "use_lock_interface" in shown
+    bpy.context.scene.render.use_lock_interface = True
+    assert "use_lock_interface" not in draw("DERMIS_PT_skin")
     settings = draw("DERMIS_PT_skin_settings")
     for name in ("preset", "cell_size", "iterations", "stiffness", "volume", "self_collision", "smoothing"):
         assert name in settings

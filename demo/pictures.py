@@ -35,3 +35,18 @@ def contact_sheet(paths: list[Path], captions: list[str], target: Path, *, width
         draw.text(centre, caption, fill=TEXT, font=font, anchor="mm")
     target.parent.mkdir(parents=True, exist_ok=True)
     sheet.save(target, optimize=True)
+
+
+def stack(paths: list[Path], target: Path) -> None:
+    """Pictures of one width below each other."""
+    rows = []
+    for path in paths:
+        with Image.open(path) as picture:
+            rows.append(picture.convert("RGB"))
+    sheet = Image.new("RGB", (rows[0].width, sum(row.height for row in rows)), BACKGROUND)
+    top = 0
+    for row in rows:
+        sheet.paste(row, (0, top))
+        top += row.height
+    target.parent.mkdir(parents=True, exist_ok=True)
+    sheet.save(target, optimize=True)

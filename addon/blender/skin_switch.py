@@ -49,7 +49,7 @@ def enable_skins(objects: Sequence[bpy.types.Object], depsgraph: bpy.types.Depsg
             kept = ob.dermis_skin
             if find_key(ob) is None:
                 undo.callback(_take_key, ob)
-                kept.made_basis = add_key(ob)
+                kept.made_basis |= add_key(ob)
             placement.store(ob, place, geometry_key)
             kept.enabled = True
             find_key(ob).vertex_group = kept.mask_group

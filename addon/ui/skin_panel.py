@@ -42,6 +42,11 @@ class DERMIS_PT_skin(SidebarPanel, bpy.types.Panel):
             row.operator(DERMIS_OT_skin_disable.bl_idname, text="", icon="X")
         for ob in enabled:
             _draw_skin(layout.column(align=True), ob, context)
+        render = context.scene.render
+        if enabled and not render.use_lock_interface:
+            # A render started from a window evaluates frames on another thread.
+            layout.label(text="Before rendering in this window:", icon="INFO")
+            layout.prop(render, "use_lock_interface")
 
 
 class DERMIS_PT_skin_settings(SidebarPanel, bpy.types.Panel):
