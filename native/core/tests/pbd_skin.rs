@@ -290,3 +290,14 @@ fn what_does_not_belong_together_is_refused() {
     let settings = PbdSettings { cell_size: Some(1e-4), ..default };
     assert!(matches!(error(&cylinder.skeleton, &cylinder.weights, &settings), PbdError::Cage(_)));
 }
+
+#[test]
+fn a_bone_that_starts_to_move_starts_gently() {
+    let cylinder = cylinder();
+    let skin = skin(&cylinder, &PbdSettings::default());
+    let solve = |degrees: f32| skin.solve(&bend(degrees), None).unwrap().vertices;
+    let (still, least, little) = (solve(0.0), solve(0.001), solve(0.1));
+    // 0.001° moves the end by 7e-5, 0.1° by 7e-3; so does what is solved, and no more than that.
+    assert!(largest_distance(&still, &least) < 2e-4);
+    assert!(largest_distance(&still, &little) < 1e-2);
+}

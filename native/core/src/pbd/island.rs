@@ -1,9 +1,10 @@
 //! An island: the cage tetrahedra of one joint area, or of several that touch, with all that its
 //! constraints need. Islands share no free particle, so they are solved apart.
 
-use glam::{Affine3A, DVec3, Mat3A, Vec3, Vec3A};
+use glam::{Affine3A, DVec3, Mat3A, Vec3};
 use nalgebra::Vector3;
 
+use super::active::is_still;
 use super::contact::JointContact;
 use crate::skinning::SkinWeights;
 
@@ -92,16 +93,12 @@ impl Island {
 
     /// True where no bone has moved relative to the frame, up to rounding.
     pub(super) fn is_at_rest(&self, local: &[Affine3A]) -> bool {
-        self.bones.iter().all(|&bone| {
-            let t = &local[bone as usize];
-            t.matrix3.abs_diff_eq(Mat3A::IDENTITY, STILL)
-                && t.translation.abs_diff_eq(Vec3A::ZERO, STILL * self.extent)
-        })
+        self.bones.iter().all(|&bone| is_still(&local[bone as usize], self.extent))
     }
 }
 
 /// Relative motion below this is the rounding of f32 matrices.
-const STILL: f32 = 2e-6;
+pub(super) const STILL: f32 = 2e-6;
 
 pub(super) fn vector(v: Vec3) -> Vector3<f32> {
     Vector3::new(v.x, v.y, v.z)

@@ -1,5 +1,6 @@
 //! Position-based skin (section 4.2): constraints on a cage, solved island by island.
 
+mod active;
 mod areas;
 mod bind;
 mod contact;

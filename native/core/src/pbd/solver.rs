@@ -3,6 +3,7 @@
 use glam::{Affine3A, Vec3};
 use nalgebra::Vector3;
 
+use super::active::ActivePart;
 use super::contact::{ContactScratch, FoldPlane};
 use super::island::{Island, from_vector, vector};
 use super::{
@@ -21,6 +22,7 @@ pub(super) struct Scratch {
     folds: Vec<Option<FoldPlane>>,
     candidates: Vec<Vec3>,
     contact: ContactScratch,
+    active: ActivePart,
 }
 
 /// Solves an island for a pose. `transforms` are relative to the island's frame; the positions are
@@ -46,15 +48,16 @@ pub(super) fn solve_island(
     if settings.self_collision {
         scratch.folds.extend(island.cage_contacts.iter().map(|contact| contact.fold_plane(transforms)));
     }
+    scratch.active.find(island, transforms, &scratch.folds);
     for iteration in 0..settings.iterations {
         // Every second sweep runs backwards, so that no end of the island is always served last.
         let backwards = iteration % 2 == 1;
         let progress = iteration as f32 / settings.iterations as f32;
         let stretch =
             if settings.anneal_stretch { settings.stretch * (1.0 - progress) } else { settings.stretch };
-        sweep_stretch(island, stretch, backwards, &mut scratch.positions);
-        sweep_volume(island, settings.volume, backwards, &mut scratch.positions);
-        sweep_bind(island, settings.bind, &scratch.anchors, &mut scratch.positions);
+        sweep_stretch(&scratch.active, stretch, backwards, &mut scratch.positions);
+        sweep_volume(island.rest_volume, &scratch.active, settings.volume, backwards, &mut scratch.positions);
+        sweep_bind(island, settings.bind, scratch);
         sweep_energy(island, settings, scratch);
         // Before the volumes are nearly right, what seems to touch need not touch.
         if 2 * iteration >= settings.iterations {
@@ -63,7 +66,7 @@ pub(super) fn solve_island(
     }
     for sweep in 0..settings.volume_sweeps {
         let backwards = (settings.iterations + sweep) % 2 == 1;
-        sweep_volume(island, settings.volume, backwards, &mut scratch.positions);
+        sweep_volume(island.rest_volume, &scratch.active, settings.volume, backwards, &mut scratch.positions);
         sweep_contacts(island, scratch);
     }
 }
@@ -95,12 +98,12 @@ fn in_order<T: Copy>(list: &[T], backwards: bool, mut visit: impl FnMut(usize, T
     }
 }
 
-fn sweep_stretch(island: &Island, stiffness: f32, backwards: bool, positions: &mut [Vector3<f32>]) {
+fn sweep_stretch(active: &ActivePart, stiffness: f32, backwards: bool, positions: &mut [Vector3<f32>]) {
     if stiffness <= 0.0 {
         return;
     }
-    let w = &island.inverse_masses;
-    in_order(&island.edges, backwards, |_, ([a, b], rest_length)| {
+    let w = &active.inverse_masses;
+    in_order(&active.edges, backwards, |_, ([a, b], rest_length)| {
         let (a, b) = (a as usize, b as usize);
         let steps = project_stretch([positions[a], positions[b]], [w[a], w[b]], rest_length, stiffness);
         positions[a] += steps[0];
@@ -108,27 +111,34 @@ fn sweep_stretch(island: &Island, stiffness: f32, backwards: bool, positions: &m
     });
 }
 
-fn sweep_volume(island: &Island, stiffness: f32, backwards: bool, positions: &mut [Vector3<f32>]) {
+fn sweep_volume(
+    rest_volume: f32,
+    active: &ActivePart,
+    stiffness: f32,
+    backwards: bool,
+    positions: &mut [Vector3<f32>],
+) {
     if stiffness <= 0.0 {
         return;
     }
-    let w = &island.inverse_masses;
-    let least_divisor = least_volume_divisor(island.rest_volume);
-    in_order(&island.tetrahedra, backwards, |_, corners| {
+    let w = &active.inverse_masses;
+    let least_divisor = least_volume_divisor(rest_volume);
+    in_order(&active.tetrahedra, backwards, |_, corners| {
         let c = corners.map(|corner| corner as usize);
         let (p, masses) = (c.map(|i| positions[i]), c.map(|i| w[i]));
-        let steps = project_volume(p, masses, island.rest_volume, least_divisor, stiffness);
+        let steps = project_volume(p, masses, rest_volume, least_divisor, stiffness);
         for (corner, step) in c.into_iter().zip(steps) {
             positions[corner] += step;
         }
     });
 }
 
-fn sweep_bind(island: &Island, stiffness: f32, anchors: &[Vector3<f32>], positions: &mut [Vector3<f32>]) {
-    for (bind, &anchor) in island.binds.iter().zip(anchors) {
+fn sweep_bind(island: &Island, stiffness: f32, scratch: &mut Scratch) {
+    let Scratch { positions, anchors, active, .. } = scratch;
+    for (bind, &anchor) in island.binds.iter().zip(anchors.iter()) {
         let particle = bind.particle as usize;
         // A heavier particle, where the island ends, follows less.
-        let stiffness = stiffness * island.inverse_masses[particle];
+        let stiffness = stiffness * active.inverse_masses[particle];
         let step = project_bind(positions[particle], anchor, bind.rest_length, stiffness);
         positions[particle] += step;
     }
@@ -136,7 +146,7 @@ fn sweep_bind(island: &Island, stiffness: f32, anchors: &[Vector3<f32>], positio
 
 fn sweep_energy(island: &Island, settings: &PbdSettings, scratch: &mut Scratch) {
     let stiffness = settings.energy * settings.stiffness;
-    let (w, positions) = (&island.inverse_masses, &mut scratch.positions);
+    let (w, positions) = (&scratch.active.inverse_masses, &mut scratch.positions);
     let springs = island.tetrahedra.iter().zip(&island.spring_lengths);
     for (index, ((corners, &lengths), multipliers)) in springs.zip(&mut scratch.multipliers).enumerate() {
         let share = island.stiffness_shares.get(index).copied().unwrap_or(1.0);
@@ -160,7 +170,7 @@ const LEAST_COMPLIANCE: f32 = 0.75;
 
 /// Pushes contact vertices back through the corners of the tetrahedra that hold them.
 fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
-    let Scratch { positions, folds, candidates, contact: found, .. } = scratch;
+    let Scratch { positions, folds, candidates, contact: found, active, .. } = scratch;
     for (contact, fold) in island.cage_contacts.iter().zip(folds) {
         let Some(fold) = fold else { continue };
         candidates.clear();
@@ -175,7 +185,7 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
             let length = push.offset.length();
             let left = length - moved.dot(push.offset) / length;
             let corners = point.corners.map(|corner| corner as usize);
-            let w = corners.map(|corner| island.inverse_masses[corner]);
+            let w = corners.map(|corner| active.inverse_masses[corner]);
             let b = point.barycentric;
             let mass: f32 = (0..4).map(|k| w[k] * b[k] * b[k]).sum();
             // Where little is free, most of a push would move a corner far: leave it to the surface.
