@@ -10,19 +10,35 @@ use super::patch::PatchInput;
 /// Vertices within this many radii of a joint can touch the other side; beyond, as far as the
 /// shorter of the two limbs reaches, because a limb that folds back lies along the other one.
 const CANDIDATE_REACH: f64 = 2.8;
+/// Candidates of a joint that push the cage, about: enough for its cells, however dense the mesh.
+const CAGE_CANDIDATES: usize = 600;
+/// Directions in which the seam is tabulated.
+const SEAM_DIRECTIONS: usize = 256;
 /// Sharpness with which the seam is looked up by direction around the joint.
 const SEAM_SHARPNESS: f64 = 8.0;
+
+/// Contact candidates around one joint.
+pub(super) struct JointContacts {
+    /// Those that push the cage while it is solved.
+    pub cage: JointContact,
+    /// Those that are projected when the surface is made: all.
+    pub surface: JointContact,
+}
 
 /// Contact candidates of an island, joint by joint.
 pub(super) fn joint_contacts(
     input: &PatchInput<'_>,
     areas: &[JointArea],
     surface: &[SurfacePoint],
-) -> Vec<JointContact> {
+) -> Vec<JointContacts> {
     areas.iter().filter_map(|area| joint_contact(input, area, surface)).collect()
 }
 
-fn joint_contact(input: &PatchInput<'_>, area: &JointArea, surface: &[SurfacePoint]) -> Option<JointContact> {
+fn joint_contact(
+    input: &PatchInput<'_>,
+    area: &JointArea,
+    surface: &[SurfacePoint],
+) -> Option<JointContacts> {
     let (heads, tails) = (input.skeleton.heads(), input.skeleton.tails());
     let (up, down) = (heads[area.parent as usize], tails[area.bone as usize]);
     let up_direction = (up - area.centre).try_normalize()?;
@@ -47,7 +63,8 @@ fn joint_contact(input: &PatchInput<'_>, area: &JointArea, surface: &[SurfacePoi
         return None;
     }
     let around = Around::new(normal);
-    let mut vertices: Vec<ContactVertex> = points
+    let seam = Around::tabulate(&seam);
+    let vertices: Vec<ContactVertex> = points
         .iter()
         .map(|&point| {
             let vertex = surface[point as usize].vertex;
@@ -60,20 +77,39 @@ fn joint_contact(input: &PatchInput<'_>, area: &JointArea, surface: &[SurfacePoi
         })
         .collect();
     let rest: Vec<Vec3> = points.iter().map(|&p| position(surface[p as usize].vertex).as_vec3()).collect();
-    let mut contact = JointContact {
+    let contact = JointContact {
         bone: area.bone,
         parent: area.parent,
         joint: area.centre.as_vec3(),
         up: up.as_vec3(),
         down: down.as_vec3(),
-        vertices: vertices.clone(),
+        vertices,
         spacing: spacing(input, &candidate_of),
     };
-    for (vertex, overlap) in vertices.iter_mut().zip(contact.rest_overlaps(&rest)) {
+    Some(JointContacts { cage: thinned(&contact, &rest), surface: with_rest_overlaps(contact, &rest) })
+}
+
+/// The candidates that push the cage: a sample of those that are projected in the end. Chosen by a
+/// hash of their index, so that no pattern of the mesh is left.
+fn thinned(contact: &JointContact, rest: &[Vec3]) -> JointContact {
+    let count = contact.vertices.len();
+    let kept = |index: &usize| {
+        let hash = (*index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32;
+        count <= CAGE_CANDIDATES || hash as usize % count < CAGE_CANDIDATES
+    };
+    let indices: Vec<usize> = (0..count).filter(kept).collect();
+    let vertices: Vec<ContactVertex> = indices.iter().map(|&i| contact.vertices[i]).collect();
+    let rest: Vec<Vec3> = indices.iter().map(|&i| rest[i]).collect();
+    let spacing = contact.spacing * (count as f32 / indices.len().max(1) as f32).sqrt();
+    with_rest_overlaps(JointContact { vertices, spacing, ..contact.clone() }, &rest)
+}
+
+fn with_rest_overlaps(mut contact: JointContact, rest: &[Vec3]) -> JointContact {
+    let overlaps = contact.rest_overlaps(rest);
+    for (vertex, overlap) in contact.vertices.iter_mut().zip(overlaps) {
         vertex.rest_overlap = overlap;
     }
-    contact.vertices = vertices;
-    Some(contact)
+    contact
 }
 
 /// True for vertices that mostly follow a bone near the joint: over its plane, such bones are height
@@ -135,16 +171,28 @@ impl Around {
         offset.dot(self.y).atan2(offset.dot(self.x))
     }
 
-    /// Mean height of the seam in the direction of an offset.
-    fn look_up(&self, seam: &[(f64, f64)], offset: DVec3) -> f64 {
-        let angle = self.angle(offset);
-        let (mut sum, mut total) = (0.0, f64::MIN_POSITIVE);
-        for &(direction, height) in seam {
-            let weight = (SEAM_SHARPNESS * ((direction - angle).cos() - 1.0)).exp();
-            sum += weight * height;
-            total += weight;
-        }
-        sum / total
+    /// Mean heights of the seam in [`SEAM_DIRECTIONS`] directions.
+    fn tabulate(seam: &[(f64, f64)]) -> Vec<f64> {
+        let mean = |direction: usize| {
+            let angle = std::f64::consts::TAU * direction as f64 / SEAM_DIRECTIONS as f64;
+            let (mut sum, mut total) = (0.0, f64::MIN_POSITIVE);
+            for &(direction, height) in seam {
+                let weight = (SEAM_SHARPNESS * ((direction - angle).cos() - 1.0)).exp();
+                sum += weight * height;
+                total += weight;
+            }
+            sum / total
+        };
+        (0..SEAM_DIRECTIONS).map(mean).collect()
+    }
+
+    /// Height of the tabulated seam in the direction of an offset.
+    fn look_up(&self, heights: &[f64], offset: DVec3) -> f64 {
+        let turns = self.angle(offset).rem_euclid(std::f64::consts::TAU) / std::f64::consts::TAU;
+        let place = turns * SEAM_DIRECTIONS as f64;
+        let first = place.floor();
+        let at = |i: usize| heights[i % SEAM_DIRECTIONS];
+        at(first as usize) + (place - first) * (at(first as usize + 1) - at(first as usize))
     }
 }
 

@@ -37,6 +37,9 @@ pub(super) struct Island {
     /// Share of the stiffness in each tetrahedron; empty where it is 1 everywhere.
     pub stiffness_shares: Vec<f32>,
     pub binds: Vec<Bind>,
+    /// Contact candidates that push the cage, joint by joint.
+    pub cage_contacts: Vec<JointContact>,
+    /// Contact candidates of the surface, joint by joint.
     pub contacts: Vec<JointContact>,
     /// Surface vertices that follow the island, `local` in the order of this list.
     pub surface: Vec<SurfacePoint>,

@@ -278,6 +278,8 @@ fn build_island(
     let binds = binds.collect();
     let used: BTreeSet<[u32; 4]> = global.iter().map(|t| sorted(*t)).collect();
     let surface = surface_points(input, patch, fit, freedom, embeddings, &used, &local);
+    let (cage_contacts, contacts) =
+        joint_contacts(input, areas, &surface).into_iter().map(|c| (c.cage, c.surface)).unzip();
     let mut heaviness: BTreeMap<u32, f64> = BTreeMap::new();
     island_rows().flatten().for_each(|(bone, w)| *heaviness.entry(bone).or_default() += w);
     let mut bones: Vec<(u32, f64)> = heaviness.into_iter().collect();
@@ -285,7 +287,8 @@ fn build_island(
     let rest: Vec<_> = particles.iter().map(|&p| position(p).as_vec3()).collect();
     let (low, high) = rest.iter().fold((rest[0], rest[0]), |(l, h), &p| (l.min(p), h.max(p)));
     Island {
-        contacts: joint_contacts(input, areas, &surface),
+        cage_contacts,
+        contacts,
         weights,
         inverse_masses,
         edges,

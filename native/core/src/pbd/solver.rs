@@ -44,7 +44,7 @@ pub(super) fn solve_island(
         scratch.multipliers.resize(island.tetrahedra.len(), [0.0; 4]);
     }
     if settings.self_collision {
-        scratch.folds.extend(island.contacts.iter().map(|contact| contact.fold_plane(transforms)));
+        scratch.folds.extend(island.cage_contacts.iter().map(|contact| contact.fold_plane(transforms)));
     }
     for iteration in 0..settings.iterations {
         // Every second sweep runs backwards, so that no end of the island is always served last.
@@ -161,7 +161,7 @@ const LEAST_COMPLIANCE: f32 = 0.75;
 /// Pushes contact vertices back through the corners of the tetrahedra that hold them.
 fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
     let Scratch { positions, folds, candidates, contact: found, .. } = scratch;
-    for (contact, fold) in island.contacts.iter().zip(folds) {
+    for (contact, fold) in island.cage_contacts.iter().zip(folds) {
         let Some(fold) = fold else { continue };
         candidates.clear();
         let points = contact.vertices.iter().map(|vertex| &island.surface[vertex.point as usize]);
