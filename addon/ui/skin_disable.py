@@ -5,11 +5,11 @@ import bpy
 
 from ..blender.skin_switch import disable_skins
 from ..core.errors import InputError
-from .operator_base import DermisOperator
-from .skin_selection import chosen_meshes, missing_meshes
+from .skin_operator import SkinOperator
+from .skin_selection import chosen_meshes
 
 
-class DERMIS_OT_skin_disable(DermisOperator, bpy.types.Operator):
+class DERMIS_OT_skin_disable(SkinOperator, bpy.types.Operator):
     """All meshes of the active armature, or the selected meshes."""
 
     bl_idname = "dermis.skin_disable"
@@ -18,16 +18,6 @@ class DERMIS_OT_skin_disable(DermisOperator, bpy.types.Operator):
         "Remove the PBD skin and its shape key: of all meshes of the active armature, or of the selected meshes"
     )
     bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context):
-        """An armature or meshes are needed, outside Edit Mode."""
-        reason = missing_meshes(context)
-        if not reason and context.mode.startswith("EDIT"):
-            reason = "Leave Edit Mode first."
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
 
     def run(self, context):
         """Switch off what is on."""

@@ -6,11 +6,11 @@ import bpy
 from ..blender.skin_state import registry
 from ..blender.skin_switch import enable_skins, rigid_meshes
 from ..core.errors import InputError, counted, listed
-from .operator_base import DermisOperator
-from .skin_selection import chosen_meshes, missing_meshes
+from .skin_operator import SkinOperator
+from .skin_selection import chosen_meshes
 
 
-class DERMIS_OT_skin_enable(DermisOperator, bpy.types.Operator):
+class DERMIS_OT_skin_enable(SkinOperator, bpy.types.Operator):
     """All meshes of the active armature, or the selected meshes."""
 
     bl_idname = "dermis.skin_enable"
@@ -20,16 +20,6 @@ class DERMIS_OT_skin_enable(DermisOperator, bpy.types.Operator):
         "for all meshes of the active armature, or for the selected meshes"
     )
     bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context):
-        """An armature or meshes are needed, outside Edit Mode."""
-        reason = missing_meshes(context)
-        if not reason and context.mode.startswith("EDIT"):
-            reason = "Leave Edit Mode first."
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
 
     def run(self, context):
         """Build, switch on and show the present pose."""
