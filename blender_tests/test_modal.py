@@ -57,7 +57,7 @@ def operator():
     methods = {}
     for base in reversed([base for base in original.__mro__ if base.__module__.startswith(MODULE)]):
         methods |= {name: value for name, value in vars(base).items() if callable(value)}
-    stand_in = type("StandIn", (), {**methods, "bl_idname": original.bl_idname})()
+    stand_in = type("StandIn", (), {**methods, "bl_idname": original.bl_idname, "doing": original.doing})()
     vars(stand_in).update(values, reports=[])
     stand_in.report = lambda kind, text: stand_in.reports.append((*kind, text))
     return stand_in
@@ -67,7 +67,7 @@ def operator():
 def gate(monkeypatch):
     """Retargeting that waits until it is let through or cancelled."""
     module = sys.modules[f"{MODULE}.core.task"]
-    original, opened = module.retarget, threading.Event()
+    original, opened = module.find_weights, threading.Event()
 
     def waiting(source, target, settings, progress):
         while not opened.wait(0.005):
@@ -75,8 +75,8 @@ def gate(monkeypatch):
                 raise module.Cancelled("cancelled")
         return original(source, target, settings, progress)
 
-    monkeypatch.setattr(module, "retarget", waiting)
-    monkeypatch.setattr(sys.modules[f"{MODULE}.ui.retarget_weights"], "PATIENCE_SECONDS", 0.0)
+    monkeypatch.setattr(module, "find_weights", waiting)
+    monkeypatch.setattr(sys.modules[f"{MODULE}.ui.modal_job"], "PATIENCE_SECONDS", 0.0)
     yield opened
     opened.set()
 
@@ -97,7 +97,7 @@ def until_ended(operator, context):
 @pytest.fixture
 def scene(monkeypatch):
     monkeypatch.setattr(
-        sys.modules[f"{MODULE}.ui.retarget_weights"], "bpy", SimpleNamespace(app=SimpleNamespace(background=False))
+        sys.modules[f"{MODULE}.ui.modal_job"], "bpy", SimpleNamespace(app=SimpleNamespace(background=False))
     )
     source, _ = c.source_tube()
     target = c.target_tube()

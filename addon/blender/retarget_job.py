@@ -12,6 +12,7 @@ from ..core.report import retarget_line, retarget_notes
 from ..core.retarget import RetargetSettings
 from ..core.task import RetargetTask
 from .retarget import read_source, read_target, write_targets
+from .scope import Scope
 
 # How often the main thread looks at the working one.
 POLL_SECONDS = 0.05
@@ -26,7 +27,7 @@ class GeometryChoice:
 
 
 class RetargetJob:
-    """Reads everything and checks it in the constructor; `finish` writes."""
+    """Reads everything and checks it in the constructor; `finish` writes, then `results` holds what."""
 
     def __init__(
         self,
@@ -36,13 +37,17 @@ class RetargetJob:
         geometry: GeometryChoice,
         settings: RetargetSettings,
         depsgraph: bpy.types.Depsgraph,
+        scope: Scope | None = None,
+        show_match: bool = False,
     ) -> None:
         self._began = perf_counter()
+        self._show_match = show_match
+        scope = scope or Scope()
         self._source_object = source
         self.objects = tuple(objects)
         self._source = read_source(source, depsgraph, geometry.source_evaluated)
         self._targets = [
-            read_target(ob, source, depsgraph, geometry.target_evaluated, pairs)
+            read_target(ob, source, depsgraph, geometry.target_evaluated, pairs, scope, self._source.boneless_groups)
             for ob, pairs in zip(objects, landmarks, strict=True)
         ]
         self.task = RetargetTask(self._source, self._targets, settings)
@@ -61,9 +66,10 @@ class RetargetJob:
         """Write the results; the line to report and notes on what was left out."""
         results = self.task.result()
         try:
-            write_targets(self._source_object, self.objects, self._targets, results)
+            write_targets(self._source_object, self.objects, self._targets, results, self._show_match)
         except ReferenceError as error:
             raise InputError("A mesh was removed while its weights were being retargeted.") from error
         named = {target.name: result for target, result in zip(self._targets, results, strict=True)}
         line = retarget_line(self._source, named, perf_counter() - self._began)
-        return line, retarget_notes(self._source, named)
+        self.results = tuple(results)
+        return line, retarget_notes(self._source, named, copied=any(target.copied_groups for target in self._targets))

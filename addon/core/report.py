@@ -7,6 +7,12 @@ from .character import Source
 from .errors import counted, listed
 from .retarget import TargetWeights
 
+# What is said of the shape in which the source was read.
+SHAPES = {
+    "evaluated": "The source was taken as it is shown, with pose, shape keys and modifiers.",
+    "pose ignored": "The source was taken at rest, its pose left aside.",
+}
+
 
 def retarget_line(source: Source, results: dict[str, TargetWeights], seconds: float) -> str:
     """What the targets, by name, got from the source."""
@@ -20,20 +26,31 @@ def retarget_line(source: Source, results: dict[str, TargetWeights], seconds: fl
         counted(sum(value.landmarks for value in values), "landmark"),
         f"{sum(value.matched for value in values):,} matched",
         f"{sum(value.filled for value in values):,} filled",
+        *_extras(values),
         f"{seconds:.2f} s",
     ]
     return f"Weights of '{source.name}' given to {to}: {', '.join(parts)}."
 
 
-def retarget_notes(source: Source, results: dict[str, TargetWeights]) -> list[str]:
-    """Sentences on what was left out, empty when nothing was."""
+def retarget_notes(source: Source, results: dict[str, TargetWeights], copied: bool = False) -> list[str]:
+    """Sentences on what was left out, empty when nothing was; `copied` when groups without a bone went along."""
     notes = []
-    if source.ignored_groups:
-        groups = counted(len(source.ignored_groups), "group")
-        notes.append(f"{groups} without a bone ignored: {listed(source.ignored_groups)}.")
+    if source.shape in SHAPES:
+        notes.append(SHAPES[source.shape])
+    if source.boneless_groups and not copied:
+        groups = counted(len(source.boneless_groups), "group")
+        notes.append(f"{groups} without a bone ignored: {listed(source.boneless_groups)}.")
     for name, value in results.items():
-        if value.only_in_target:
-            notes.append(
-                f"'{name}' has bones that the source lacks, left without weights: {listed(value.only_in_target)}."
-            )
+        alone = value.pairs.only_in_target
+        if alone:
+            notes.append(f"'{name}' has bones that the source lacks, left without weights: {listed(alone)}.")
     return notes
+
+
+def _extras(values: list[TargetWeights]) -> list[str]:
+    """Counts that are told only where there is something to count."""
+    limited, seams = sum(value.limited for value in values), sum(value.seams for value in values)
+    kept = sum(len(value.status) - len(value.replaced) for value in values)
+    extras = [(limited, "vertex limited", "vertices limited"), (seams, "seam vertex", "seam vertices")]
+    extras.append((kept, "vertex left as it was", "vertices left as they were"))
+    return [counted(*extra) for extra in extras if extra[0]]

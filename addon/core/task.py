@@ -1,15 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Retargeting in a thread of its own, watched and cancelled from the thread that started it."""
+"""Work in a thread of its own, watched and cancelled from the thread that started it."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from dataclasses import replace
 
 from dermis_native import Cancelled, Progress
 
 from .character import Source, Target
-from .retarget import RetargetSettings, TargetWeights, check_source, check_target, retarget
+from .mirror import left_shares, mirrored_source
+from .retarget import (
+    FoundWeights,
+    RetargetSettings,
+    TargetWeights,
+    check_source,
+    check_target,
+    find_weights,
+    fit_weights,
+    two_halves,
+)
+from .seams import close_seams
 
 
 class RetargetTask:
@@ -22,10 +34,14 @@ class RetargetTask:
         check_source(source)
         for target in targets:
             check_target(source, target)
+            if settings.runs == 2:
+                left_shares(target)
         self._source = source
+        self._mirrored = source if settings.mirror == "none" else mirrored_source(source)
         self._targets = tuple(targets)
         self._settings = settings
-        self._progress = [Progress() for _ in self._targets]
+        self._progress = [Progress() for _ in self._targets for _ in range(settings.runs)]
+        self._current = 0
         self._results: list[TargetWeights] = []
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._work, name="dermis-retarget", daemon=True)
@@ -52,9 +68,10 @@ class RetargetTask:
     @property
     def stage(self) -> str:
         """What is being done now."""
-        current = min(len(self._results), len(self._targets) - 1)
+        current = min(self._current, len(self._progress) - 1)
         stage = self._progress[current].stage
-        prefix = f"{self._targets[current].name}: " if len(self._targets) > 1 else ""
+        target = self._targets[current // self._settings.runs]
+        prefix = f"{target.name}: " if len(self._targets) > 1 else ""
         return prefix + stage
 
     def result(self) -> list[TargetWeights]:
@@ -66,9 +83,37 @@ class RetargetTask:
 
     def _work(self) -> None:
         try:
-            for target, progress in zip(self._targets, self._progress, strict=True):
-                if progress.cancelled:
-                    raise Cancelled("cancelled")
-                self._results.append(retarget(self._source, target, self._settings, progress))
+            found = [self._found(target) for target in self._targets]
+            self._results = self._fitted(found)
         except BaseException as failure:  # noqa: BLE001  (result() raises it where it is awaited)
             self._failure = failure
+
+    def _found(self, target: Target) -> FoundWeights:
+        """The weights of one target, from one run or, for two halves, from two."""
+        mirror = self._settings.mirror
+        first = self._mirrored if mirror == "flip" else self._source
+        plain = self._run(first, target)
+        if self._settings.runs == 1:
+            return plain
+        # The user's pairs hold for the source as it is, not for its mirror image.
+        mirrored = self._run(self._mirrored, replace(target, landmarks=None))
+        return two_halves(target, plain, mirrored, mirror)
+
+    def _run(self, source: Source, target: Target) -> FoundWeights:
+        progress = self._progress[self._current]
+        if progress.cancelled:
+            raise Cancelled("cancelled")
+        found = find_weights(source, target, self._settings, progress)
+        self._current += 1
+        return found
+
+    def _fitted(self, found: Sequence[FoundWeights]) -> list[TargetWeights]:
+        weights = [each.weights for each in found]
+        seams = [0] * len(found)
+        if self._settings.close_seams:
+            surfaces = [target.surface for target in self._targets]
+            weights, seams = close_seams(surfaces, weights, [target.bones.names for target in self._targets])
+        return [
+            fit_weights(target, replace(each, weights=own), self._settings.merge, count)
+            for target, each, own, count in zip(self._targets, found, weights, seams, strict=True)
+        ]

@@ -21,6 +21,11 @@ class DermisRetarget(bpy.types.PropertyGroup):
         type=bpy.types.Object, name="Landmark Source", description="Source that the landmark pairs belong to"
     )
     result: StringProperty(name="Result", description="What the last retargeting to this object did")
+    status: StringProperty(
+        name="Status",
+        description="How the last retargeting found the weights of each vertex, packed",
+        options={"HIDDEN"},
+    )
 
 
 CLASSES = (DermisLandmark, DermisRetarget)
