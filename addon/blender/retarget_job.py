@@ -45,12 +45,12 @@ class RetargetJob:
         scope = scope or Scope()
         self._source_object = source
         self.objects = tuple(objects)
-        self._source = read_source(source, depsgraph, geometry.source_evaluated)
-        self._targets = [
-            read_target(ob, source, depsgraph, geometry.target_evaluated, pairs, scope, self._source.boneless_groups)
+        self.source = read_source(source, depsgraph, geometry.source_evaluated)
+        self.targets = [
+            read_target(ob, source, depsgraph, geometry.target_evaluated, pairs, scope, self.source.boneless_groups)
             for ob, pairs in zip(objects, landmarks, strict=True)
         ]
-        self.task = RetargetTask(self._source, self._targets, settings)
+        self.task = RetargetTask(self.source, self.targets, settings)
 
     def run(self, show_progress: Callable[[float], None]) -> None:
         """Work to the end; the thread that calls stays able to be interrupted."""
@@ -66,10 +66,10 @@ class RetargetJob:
         """Write the results; the line to report and notes on what was left out."""
         results = self.task.result()
         try:
-            write_targets(self._source_object, self.objects, self._targets, results, self._show_match)
+            write_targets(self._source_object, self.objects, self.targets, results, self._show_match)
         except ReferenceError as error:
             raise InputError("A mesh was removed while its weights were being retargeted.") from error
-        named = {target.name: result for target, result in zip(self._targets, results, strict=True)}
-        line = retarget_line(self._source, named, perf_counter() - self._began)
+        named = {target.name: result for target, result in zip(self.targets, results, strict=True)}
+        line = retarget_line(self.source, named, perf_counter() - self._began)
         self.results = tuple(results)
-        return line, retarget_notes(self._source, named, copied=any(target.copied_groups for target in self._targets))
+        return line, retarget_notes(self.source, named, copied=any(target.copied_groups for target in self.targets))

@@ -35,7 +35,7 @@ def select_vertices(ob: bpy.types.Object, vertices: np.ndarray, extend: bool = F
 
     Edges and faces are selected where all their vertices are; hidden vertices stay hidden.
     """
-    chosen = np.zeros(_vertex_count(ob), np.bool_)
+    chosen = np.zeros(vertex_count(ob), np.bool_)
     chosen[vertices] = True
     if ob.mode == "EDIT":
         mesh = bmesh.from_edit_mesh(ob.data)
@@ -68,7 +68,8 @@ def select_vertices(ob: bpy.types.Object, vertices: np.ndarray, extend: bool = F
     mesh.update()
 
 
-def _vertex_count(ob: bpy.types.Object) -> int:
+def vertex_count(ob: bpy.types.Object) -> int:
+    """Number of vertices of the object's mesh, in Edit Mode as it is edited."""
     return len(bmesh.from_edit_mesh(ob.data).verts) if ob.mode == "EDIT" else len(ob.data.vertices)
 
 

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work in a thread of its own, watched and cancelled from the thread that started it."""
+"""Retargeting in a thread of its own: one source, one or several targets."""
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Sequence
 from dataclasses import replace
 
 from dermis_native import Cancelled, Progress
 
+from .background import BackgroundTask
 from .character import Source, Target
 from .mirror import left_shares, mirrored_source
 from .retarget import (
@@ -24,13 +24,14 @@ from .retarget import (
 from .seams import close_seams
 
 
-class RetargetTask:
+class RetargetTask(BackgroundTask[list[TargetWeights]]):
     """Retargets one source to several targets, one after the other.
 
     Bad input raises at once, in the constructor. The thread touches nothing but its arrays.
     """
 
     def __init__(self, source: Source, targets: Sequence[Target], settings: RetargetSettings) -> None:
+        super().__init__("dermis-retarget")
         check_source(source)
         for target in targets:
             check_target(source, target)
@@ -42,23 +43,11 @@ class RetargetTask:
         self._settings = settings
         self._progress = [Progress() for _ in self._targets for _ in range(settings.runs)]
         self._current = 0
-        self._results: list[TargetWeights] = []
-        self._failure: BaseException | None = None
-        self._thread = threading.Thread(target=self._work, name="dermis-retarget", daemon=True)
-
-    def start(self) -> None:
-        """Begin; call once."""
-        self._thread.start()
 
     def cancel(self) -> None:
         """Ask the thread to stop soon; `result` then raises `dermis_native.Cancelled`."""
         for progress in self._progress:
             progress.cancel()
-
-    def wait(self, seconds: float) -> bool:
-        """Wait at most so long; true when the thread has ended."""
-        self._thread.join(seconds)
-        return not self._thread.is_alive()
 
     @property
     def fraction(self) -> float:
@@ -74,19 +63,9 @@ class RetargetTask:
         prefix = f"{target.name}: " if len(self._targets) > 1 else ""
         return prefix + stage
 
-    def result(self) -> list[TargetWeights]:
-        """One result for each target, after the thread has ended; raises what it raised."""
-        self._thread.join()
-        if self._failure is not None:
-            raise self._failure
-        return self._results
-
-    def _work(self) -> None:
-        try:
-            found = [self._found(target) for target in self._targets]
-            self._results = self._fitted(found)
-        except BaseException as failure:  # noqa: BLE001  (result() raises it where it is awaited)
-            self._failure = failure
+    def work(self) -> list[TargetWeights]:
+        """One result for each target."""
+        return self._fitted([self._found(target) for target in self._targets])
 
     def _found(self, target: Target) -> FoundWeights:
         """The weights of one target, from one run or, for two halves, from two."""

@@ -28,6 +28,15 @@ def missing_selection(context: bpy.types.Context) -> str:
     return ""
 
 
+def checked_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """The active mesh and the other selected ones, those in Edit Mode included."""
+    active = source_of(context)
+    chosen = {ob.name: ob for ob in targets_of(context)}
+    if active is not None:
+        chosen[active.name] = active
+    return [chosen[name] for name in sorted(chosen)]
+
+
 def single_target(context: bpy.types.Context) -> bpy.types.Object | None:
     """The target, if there is exactly one."""
     targets = targets_of(context)
