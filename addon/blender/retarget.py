@@ -2,6 +2,7 @@
 """Characters from mesh objects, and the results back onto them."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -16,6 +17,17 @@ from .scope import Scope
 from .target_checks import check_writable
 from .transaction import restored_on_failure
 from .vertex_groups import read_groups, write_groups
+
+
+@dataclass(frozen=True)
+class TargetChoice:
+    """What the user chose for one target: pairs of source vertex and target vertex, and of source bone and target bone.
+
+    Without landmarks they are found on the skeletons; bone_map None has the bones mapped too.
+    """
+
+    landmarks: Sequence[tuple[int, int]] = ()
+    bone_map: tuple[tuple[str, str], ...] | None = None
 
 
 def source_armature(ob: bpy.types.Object) -> bpy.types.Object:
@@ -56,7 +68,7 @@ def read_target(
     source: bpy.types.Object,
     depsgraph: bpy.types.Depsgraph,
     evaluated: bool,
-    landmarks: Sequence[tuple[int, int]],
+    choice: TargetChoice,
     scope: Scope,
     boneless_groups: tuple[str, ...],
 ) -> Target:
@@ -75,11 +87,12 @@ def read_target(
         bones=bones,
         existing=groups.of_bones(bones.names),
         locked=groups.locked_bones(bones.names),
-        landmarks=np.array(landmarks, np.int64).reshape(-1, 2) if landmarks else None,
+        landmarks=np.array(choice.landmarks, np.int64).reshape(-1, 2) if choice.landmarks else None,
         only_bones=scope.bones(armature, groups, bones.names),
         only_vertices=scope.vertices(ob),
         copied_groups=copied,
         copied_existing=groups.of_bones(copied),
+        bone_map=choice.bone_map,
     )
 
 

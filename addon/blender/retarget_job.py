@@ -11,7 +11,7 @@ from ..core.errors import InputError
 from ..core.report import retarget_line, retarget_notes
 from ..core.retarget import RetargetSettings
 from ..core.task import RetargetTask
-from .retarget import read_source, read_target, write_targets
+from .retarget import TargetChoice, read_source, read_target, write_targets
 from .scope import Scope
 
 # How often the main thread looks at the working one.
@@ -33,7 +33,7 @@ class RetargetJob:
         self,
         source: bpy.types.Object,
         objects: Sequence[bpy.types.Object],
-        landmarks: Sequence[Sequence[tuple[int, int]]],
+        choices: Sequence[TargetChoice],
         geometry: GeometryChoice,
         settings: RetargetSettings,
         depsgraph: bpy.types.Depsgraph,
@@ -47,8 +47,8 @@ class RetargetJob:
         self.objects = tuple(objects)
         self.source = read_source(source, depsgraph, geometry.source_evaluated)
         self.targets = [
-            read_target(ob, source, depsgraph, geometry.target_evaluated, pairs, scope, self.source.boneless_groups)
-            for ob, pairs in zip(objects, landmarks, strict=True)
+            read_target(ob, source, depsgraph, geometry.target_evaluated, choice, scope, self.source.boneless_groups)
+            for ob, choice in zip(objects, choices, strict=True)
         ]
         self.task = RetargetTask(self.source, self.targets, settings)
 

@@ -12,14 +12,13 @@ from dermis_native import (
     Cancelled,
     DermisError,
     Progress,
-    Skeleton,
     SkinWeights,
     TriangleMesh,
     retarget_weights,
 )
 
-from .bones import BonePairs, pair_bones
-from .character import Bones, BoneWeights, Flags, Integers, Source, Surface, Target
+from .bones import BoneMapping, map_characters, native_skeleton
+from .character import BoneWeights, Flags, Integers, Source, Surface, Target
 from .errors import InputError
 from .merge import MergeSettings, check_totals, merge_weights
 from .mirror import Mirror, blended, left_shares
@@ -57,7 +56,7 @@ class FoundWeights:
     Columns of `weights` are the target's bones, of `copied` its copied groups; status (V,).
     """
 
-    pairs: BonePairs
+    mapping: BoneMapping
     weights: BoneWeights
     copied: BoneWeights
     status: npt.NDArray[np.uint8]
@@ -80,7 +79,7 @@ class TargetWeights:
     written: Flags
     groups: tuple[int, ...]
     copied: BoneWeights
-    pairs: BonePairs
+    mapping: BoneMapping
     status: npt.NDArray[np.uint8]
     matched: int
     filled: int
@@ -101,8 +100,8 @@ def check_source(source: Source) -> None:
         raise InputError(f"'{source.name}' has a weight that is not finite at vertex {vertex}.")
 
 
-def check_target(source: Source, target: Target) -> BonePairs:
-    """Raise InputError when the target cannot be given weights; return the pairs of bones."""
+def check_target(source: Source, target: Target) -> BoneMapping:
+    """Raise InputError when the target cannot be given weights; return the map of its bones."""
     target.surface.check(target.name)
     target.bones.check(target.armature)
     if target.locked.all():
@@ -113,7 +112,7 @@ def check_target(source: Source, target: Target) -> BonePairs:
         raise InputError(f"No vertex of '{target.name}' is selected.")
     if target.landmarks is not None:
         _check_landmarks(source, target, target.landmarks)
-    return pair_bones(source, target)
+    return map_characters(source, target)
 
 
 def find_weights(source: Source, target: Target, settings: RetargetSettings, progress: Progress) -> FoundWeights:
@@ -123,14 +122,15 @@ def find_weights(source: Source, target: Target, settings: RetargetSettings, pro
     after `progress.cancel()`.
     """
     check_source(source)
-    pairs = check_target(source, target)
+    mapping = check_target(source, target)
     try:
         found = retarget_weights(
             _native_mesh(source.name, source.surface),
-            _source_weights(source, pairs),
+            _source_weights(source),
             _native_mesh(target.name, target.surface),
-            source_skeleton=_native_skeleton(source.bones.subset(pairs.source)),
-            target_skeleton=_native_skeleton(target.bones.subset(pairs.target)),
+            source_skeleton=native_skeleton(source.bones),
+            target_skeleton=native_skeleton(target.bones),
+            bone_map=mapping.native,
             landmarks=target.landmarks,
             method=settings.method,
             eigenpairs=settings.eigenpairs,
@@ -140,12 +140,11 @@ def find_weights(source: Source, target: Target, settings: RetargetSettings, pro
         raise
     except (DermisError, ValueError) as error:
         raise InputError(f"'{target.name}' cannot be given the weights of '{source.name}': {_plain(error)}.") from error
-    vertex, column, value = found.weights.to_triplets()
-    bone = np.asarray(pairs.target, np.int32)[column.astype(np.intp)]
-    new = BoneWeights(vertex.astype(np.int32), bone, value)
+    vertex, bone, value = found.weights.to_triplets()
+    new = BoneWeights(vertex.astype(np.int32), bone.astype(np.int32), value)
     check_totals(target.name, new, len(target.surface.vertices))
     return FoundWeights(
-        pairs=pairs,
+        mapping=mapping,
         weights=new,
         copied=_copied(source, target, found.correspondence),
         status=np.where(found.matched, MATCHED, FILLED).astype(np.uint8),
@@ -179,9 +178,9 @@ def fit_weights(target: Target, found: FoundWeights, settings: MergeSettings, se
         weights=merged.weights,
         replaced=merged.replaced,
         written=merged.written,
-        groups=tuple(bone for bone in found.pairs.target if target.chosen[bone] and not target.locked[bone]),
+        groups=tuple(bone for bone in found.mapping.mapped if target.chosen[bone] and not target.locked[bone]),
         copied=copied.where(at[copied.vertex]),
-        pairs=found.pairs,
+        mapping=found.mapping,
         status=np.where(at, found.status, KEPT).astype(np.uint8),
         matched=int(np.count_nonzero(status == MATCHED)),
         filled=int(np.count_nonzero(status == FILLED)),
@@ -206,13 +205,11 @@ def _copied(source: Source, target: Target, correspondence: npt.NDArray[np.int64
     return BoneWeights(vertex.astype(np.int32), group.astype(np.int32), values[vertex, group])
 
 
-def _source_weights(source: Source, pairs: BonePairs) -> SkinWeights:
-    """The source's weights, columns in the order of the pairs, rows scaled to a total of 1."""
-    column = np.full(len(source.bones), -1, np.int32)
-    column[list(pairs.source)] = np.arange(len(pairs.source), dtype=np.int32)
-    kept = source.weights.where(column[source.weights.bone] >= 0)
+def _source_weights(source: Source) -> SkinWeights:
+    """The source's weights, rows scaled to a total of 1."""
+    weights = source.weights
     return SkinWeights.from_triplets(
-        kept.vertex, column[kept.bone], kept.value, len(source.surface.vertices), len(pairs.source)
+        weights.vertex, weights.bone, weights.value, len(source.surface.vertices), len(source.bones)
     ).normalized()
 
 
@@ -226,10 +223,6 @@ def _native_mesh(name: str, surface: Surface) -> TriangleMesh:
 def _plain(error: Exception) -> str:
     """The error's message as the end of a sentence."""
     return str(error).strip().rstrip(".")
-
-
-def _native_skeleton(bones: Bones) -> Skeleton:
-    return Skeleton(bones.heads, bones.tails, bones.parents, list(bones.names))
 
 
 def _check_landmarks(source: Source, target: Target, landmarks: npt.NDArray[np.int64]) -> None:

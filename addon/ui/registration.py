@@ -6,7 +6,11 @@ from contextlib import ExitStack
 import bpy
 
 from ..blender import check_reports, skin_handlers
-from . import check_panel, menus, panel, properties, skin_panel, skin_properties
+from . import bone_map_panel, check_panel, menus, panel, properties, skin_panel, skin_properties
+from .bone_map_add import DERMIS_OT_bone_map_add
+from .bone_map_clear import DERMIS_OT_bone_map_clear
+from .bone_map_fill import DERMIS_OT_map_bones
+from .bone_map_remove import DERMIS_OT_bone_map_remove
 from .check_select import DERMIS_OT_select_problems
 from .check_weights import DERMIS_OT_check
 from .landmark_add import DERMIS_OT_landmark_add
@@ -21,6 +25,10 @@ CLASSES = (
     DERMIS_OT_retarget_weights,
     DERMIS_OT_check,
     DERMIS_OT_select_problems,
+    DERMIS_OT_map_bones,
+    DERMIS_OT_bone_map_add,
+    DERMIS_OT_bone_map_remove,
+    DERMIS_OT_bone_map_clear,
     DERMIS_OT_landmark_add,
     DERMIS_OT_landmark_remove,
     DERMIS_OT_landmark_show,
@@ -28,6 +36,7 @@ CLASSES = (
     DERMIS_OT_skin_enable,
     DERMIS_OT_skin_disable,
     *panel.CLASSES,
+    *bone_map_panel.CLASSES,
     *check_panel.CLASSES,
     *skin_panel.CLASSES,
 )

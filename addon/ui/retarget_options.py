@@ -3,11 +3,12 @@
 
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
+from ..blender.retarget import TargetChoice
 from ..blender.retarget_job import GeometryChoice, RetargetJob
 from ..blender.scope import Scope
 from ..core.merge import MergeSettings
 from ..core.retarget import RetargetSettings
-from .selection import landmark_pairs, source_of, targets_of
+from .selection import bone_pairs, landmark_pairs, source_of, targets_of
 
 GEOMETRY = (
     ("REST", "Rest", "The mesh and the bones as they were made, without shape keys, modifiers and pose"),
@@ -30,6 +31,12 @@ class RetargetOptions:
     use_landmarks: BoolProperty(
         name="Use Landmarks",
         description="Use the landmark pairs of the target, if it has any; otherwise they are chosen on the skeletons",
+        default=True,
+    )
+    use_bone_map: BoolProperty(
+        name="Use Bone List",
+        description="Use the bone list of the target, if it has one; otherwise bones are mapped by name, naming "
+        "scheme, structure and position",
         default=True,
     )
     source_geometry: EnumProperty(
@@ -118,7 +125,7 @@ class RetargetOptions:
     def draw_retarget(self, layout):
         """Draw these options."""
         for names in (
-            ("method", "mirror", "use_landmarks", "eigenpairs"),
+            ("method", "mirror", "use_landmarks", "use_bone_map", "eigenpairs"),
             ("source_geometry", "target_geometry"),
             ("subset", "other_groups", "only_selected"),
             ("replace", "mix_factor", "max_influences", "close_seams"),
@@ -132,11 +139,17 @@ class RetargetOptions:
     def retarget_job(self, context, show_match: bool = False) -> RetargetJob:
         """Read and check what is selected."""
         source, targets = source_of(context), targets_of(context)
-        landmarks = [landmark_pairs(source, ob) if self.use_landmarks else [] for ob in targets]
+        choices = [
+            TargetChoice(
+                landmark_pairs(source, ob) if self.use_landmarks else (),
+                bone_pairs(source, ob) if self.use_bone_map else None,
+            )
+            for ob in targets
+        ]
         return RetargetJob(
             source,
             targets,
-            landmarks,
+            choices,
             GeometryChoice(self.source_geometry == "EVALUATED", self.target_geometry == "EVALUATED"),
             RetargetSettings(
                 method=self.method.lower(),

@@ -88,8 +88,8 @@ def test_cancelled_task_raises(source, target):
 
 
 def test_task_checks_at_once(source, target):
-    with pytest.raises(InputError, match="lacks 'b', 'c'"):
-        RetargetTask(source, [replace(target, bones=chain("a"))], RetargetSettings())
+    with pytest.raises(InputError, match="has no deforming bone 'z'"):
+        RetargetTask(source, [replace(target, bone_map=(("a", "z"),))], RetargetSettings())
 
 
 def test_report(source, target):
@@ -100,8 +100,8 @@ def test_report(source, target):
     assert "to 2 meshes: 32 vertices, 3 bones" in retarget_line(source, {"New": found, "Other": found}, 0.5)
     assert retarget_notes(source, {"New": found}) == []
     noted = replace(source, boneless_groups=("Mask",))
-    pairs = replace(found.pairs, only_in_target=("tail",))
-    assert retarget_notes(noted, {"New": replace(found, pairs=pairs)}) == [
+    mapping = replace(found.mapping, target=(*found.mapping.target, "tail"))
+    assert retarget_notes(noted, {"New": replace(found, mapping=mapping)}) == [
         "1 group without a bone ignored: 'Mask'.",
         "'New' has bones that the source lacks, left without weights: 'tail'.",
     ]
