@@ -32,13 +32,20 @@ def open_vertices(surface: Surface) -> Flags:
 
 
 def coincident(points: Floats, tolerance: float) -> Integers:
-    """Label (n,) of each point (n,3), equal where points are within the tolerance, chains included."""
+    """Label (n,) of each point (n,3), equal where points are within the tolerance, chains included.
+
+    The tolerance is at least COINCIDENT times the extent of the points.
+    """
     places = []
+    low = points.min(axis=0)
     # Two points within the tolerance share a cell of one of these grids of twice its width.
     for shift in range(8):
         offset = np.array([(shift >> axis) & 1 for axis in range(3)]) * tolerance
-        cell = np.floor((points + offset) / (2.0 * tolerance))
-        places.append(np.unique(cell, axis=0, return_inverse=True)[1].ravel())
+        cell = np.floor((points - low + offset) / (2.0 * tolerance)).astype(np.int64)
+        width = cell.max(axis=0) + 1
+        # At most (0.5 / COINCIDENT + 2)³ cells, which 64 bits hold.
+        key = (cell[:, 0] * width[1] + cell[:, 1]) * width[2] + cell[:, 2]
+        places.append(np.unique(key, return_inverse=True)[1])
     label = np.arange(len(points))
     while True:
         before = label
