@@ -85,5 +85,6 @@ def _read(ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Checked:
         surface=read_surface(ob, depsgraph, False),
         bones=bones,
         weights=groups.of_bones(bones.names),
+        boneless_groups=tuple(name for name in groups.names if name not in set(bones.names)),
         filled=None if status is None else status == FILLED,
     )

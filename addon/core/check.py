@@ -45,7 +45,9 @@ class CheckSettings:
 
 @dataclass(frozen=True)
 class Checked:
-    """What is looked at. Columns of `weights` are `bones`; `filled` (V,) and `notes` come from a retargeting."""
+    """What is looked at. Columns of `weights` are `bones`; `boneless_groups` are vertex groups that no bone
+    has; `filled` (V,) and `notes` come from a retargeting.
+    """
 
     name: str
     armature: str
@@ -53,6 +55,7 @@ class Checked:
     bones: Bones
     weights: BoneWeights
     filled: Flags | None = None
+    boneless_groups: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -107,7 +110,7 @@ def check(checked: Checked, settings: CheckSettings, step: Callable[[float], Non
         "unweighted": unweighted(weights, count),
         "totals": wrong_totals(weights, count),
     }
-    notes: list[str] = []
+    notes = _bone_notes(checked)
     sides = wrong_sides(points, bones, weights)
     if sides is None:
         notes.append(f"'{checked.armature}' has no bones named left and right: sides were not looked at.")
@@ -150,6 +153,18 @@ def summary(reports: list[CheckReport]) -> str:
         if number and category not in NOTED:
             parts.append(f"{number:,} {words}")
     return f"Checked {meshes}: {counted(faults, 'vertex', 'vertices')} to look at: {', '.join(parts)}."
+
+
+def _bone_notes(checked: Checked) -> list[str]:
+    weighted = set(np.unique(checked.weights.bone[checked.weights.value > 0]).tolist())
+    alone = [name for bone, name in enumerate(checked.bones.names) if bone not in weighted]
+    notes = []
+    if alone:
+        notes.append(f"{counted(len(alone), 'bone')} without any weight: {listed(alone)}.")
+    if checked.boneless_groups:
+        groups = counted(len(checked.boneless_groups), "group")
+        notes.append(f"{groups} without a deforming bone: {listed(checked.boneless_groups)}.")
+    return notes
 
 
 def _part_notes(parts: LooseParts) -> list[str]:

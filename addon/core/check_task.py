@@ -11,7 +11,7 @@ from dermis_native import Cancelled
 from .background import BackgroundTask
 from .character import BoneWeights, Source, Target
 from .check import Checked, CheckReport, CheckSettings, check
-from .report import retarget_notes
+from .report import mapping_line, retarget_notes
 from .retarget import FILLED, TargetWeights
 from .task import RetargetTask
 
@@ -113,7 +113,10 @@ def would_be(source: Source, target: Target, result: TargetWeights) -> Checked:
         target.bones,
         resulting_weights(target, result),
         filled=result.status == FILLED,
-        notes=tuple(retarget_notes(source, {target.name: result}, bool(target.copied_groups))),
+        notes=(
+            mapping_line(source.armature, target.armature, result.mapping),
+            *retarget_notes(source, {target.name: result}, bool(target.copied_groups)),
+        ),
     )
 
 

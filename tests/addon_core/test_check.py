@@ -83,6 +83,13 @@ def test_loose_parts():
     assert "2 loose parts beside the largest (3, 3 vertices): 1 moving as one, 1 bending." in report.notes
 
 
+def test_bones_and_groups_that_miss_each_other():
+    body = good()
+    light = replace(body, weights=body.weights.where(body.weights.bone != 1), boneless_groups=("Mask",))
+    notes = check(light, CheckSettings()).notes
+    assert notes[:2] == ("1 bone without any weight: 'b'.", "1 group without a deforming bone: 'Mask'.")
+
+
 def test_a_part_without_weights_is_rigid_and_one_with_some_is_not():
     checked = with_parts()
     bare = checked.weights.where(checked.weights.vertex < 26)
@@ -122,6 +129,7 @@ def test_dry_run_looks_at_what_would_be_written(source, target):
     (report,) = task.result()
     assert "unweighted" not in report.vertices
     assert report.name == "New"
+    assert "Bones of 'OldRig' mapped to 'NewRig': 3 by name." in report.notes
     assert task.fraction == pytest.approx(1)
     some = replace(target, only_vertices=np.arange(16) < 10)
     task = dry_run(source, some)
