@@ -43,7 +43,7 @@ def test_filled_by_structure_and_used():
     heights = np.array([v.co.z for v in target.data.vertices])
     assert (weights[heights < 0.5].argmax(axis=1) == 0).all()
     assert (weights[heights > 2.5].argmax(axis=1) == 2).all()
-    assert "3 mapped by hand" in target.dermis_retarget.result
+    assert "3 mapped by structure" in target.dermis_retarget.result
 
 
 def test_without_a_list_bones_are_mapped_with_each_run():
@@ -62,6 +62,7 @@ def test_changed_by_hand():
     bpy.ops.ed.undo_push(message="Before")
     assert bpy.ops.dermis.retarget_weights("EXEC_DEFAULT", True) == {"FINISHED"}
     target = bpy.data.objects["Target"]
+    assert "2 mapped by name, 1 mapped by hand" in target.dermis_retarget.result
     weights = c.dense(target, NAMES)
     assert weights[:, 2].max() == 0
     np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-6)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..core.character import Source, Target
+from ..core.character import BonePair, Source, Target
 from ..core.errors import InputError, listed
 from ..core.retarget import TargetWeights
 from .armature import attach_armature, check_attachable, find_armature, is_deformed, is_posed, read_bones
@@ -27,7 +27,7 @@ class TargetChoice:
     """
 
     landmarks: Sequence[tuple[int, int]] = ()
-    bone_map: tuple[tuple[str, str], ...] | None = None
+    bone_map: tuple[BonePair, ...] | None = None
 
 
 def source_armature(ob: bpy.types.Object) -> bpy.types.Object:

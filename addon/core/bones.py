@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from dermis_native import BoneMap, DermisError, Skeleton, map_bones
 
-from .character import Bones, Floats, Source, Target
+from .character import BonePair, Bones, Floats, Source, Target
 from .errors import InputError, listed
 
 # How a pair was found, with what is said of it, in the order of the report.
@@ -23,11 +23,14 @@ HOW = {
 
 @dataclass(frozen=True)
 class BoneMapping:
-    """Bones of two armatures: `native.targets` indexes `target` for each bone of `source`."""
+    """Bones of two armatures: `native.targets` indexes `target` for each bone of `source`, `how` tells how each
+    of these was found.
+    """
 
     native: BoneMap
     source: tuple[str, ...]
     target: tuple[str, ...]
+    how: tuple[str, ...]
 
     @property
     def mapped(self) -> tuple[int, ...]:
@@ -42,8 +45,7 @@ class BoneMapping:
 
     def counts(self) -> dict[str, int]:
         """How many source bones were mapped in which way, without ways that were not used."""
-        how = self.native.how
-        return {way: how.count(way) for way in HOW if way in how}
+        return {way: self.how.count(way) for way in HOW if way in self.how}
 
     def heirs(self) -> tuple[tuple[str, str], ...]:
         """Source bones without a counterpart, each with the source bone that takes its weight along."""
@@ -54,11 +56,11 @@ class BoneMapping:
             if not targets
         )
 
-    def rows(self) -> list[tuple[str, str, str]]:
-        """Source bone, target bone and how it was found; one row for each target, one without where there is none."""
+    def rows(self) -> list[BonePair]:
+        """One row for each target bone of each source bone, one with none where there is none."""
         rows = []
-        for name, targets, how in zip(self.source, self.native.targets, self.native.how, strict=True):
-            rows += [(name, self.target[bone], how) for bone in targets] or [(name, "", how)]
+        for name, targets, how in zip(self.source, self.native.targets, self.how, strict=True):
+            rows += [BonePair(name, self.target[bone], how) for bone in targets] or [BonePair(name, "", how)]
         return rows
 
 
@@ -81,13 +83,13 @@ def found_bones(source_name: str, source: Bones, target_name: str, target: Bones
             f"No bone of '{source_name}' has a counterpart in '{target_name}'. '{source_name}' has "
             f"{listed(source.names)}; '{target_name}' has {listed(target.names)}. Map the bones by hand."
         ) from error
-    return BoneMapping(found, source.names, target.names)
+    return BoneMapping(found, source.names, target.names, tuple(found.how))
 
 
 def listed_bones(
-    source_name: str, source: Bones, target_name: str, target: Bones, rows: Sequence[tuple[str, str]]
+    source_name: str, source: Bones, target_name: str, target: Bones, rows: Sequence[BonePair]
 ) -> BoneMapping:
-    """The map of a list of source bone and target bone; a source bone may have several rows, or an empty target.
+    """The map of a list; a source bone may have several rows, or an empty target.
 
     The rows of one source bone may be in any order. Raises InputError that names the bone at fault.
     """
@@ -95,7 +97,7 @@ def listed_bones(
     target_place = {name: bone for bone, name in enumerate(target.names)}
     depth = _depths(target)
     targets: list[list[int]] = [[] for _ in source.names]
-    for bone, counterpart in rows:
+    for bone, counterpart, _ in rows:
         if not counterpart:
             continue
         for name, names, armature in ((bone, place, source_name), (counterpart, target_place, target_name)):
@@ -111,7 +113,10 @@ def listed_bones(
         native = BoneMap(native_skeleton(source), native_skeleton(target), targets)
     except (DermisError, ValueError) as error:
         raise InputError(f"The bone list from '{source_name}' to '{target_name}' cannot be used: {error}.") from error
-    return BoneMapping(native, source.names, target.names)
+    found = {pair.source: pair.how for pair in rows if pair.target}
+    found |= {pair.source: pair.how for pair in rows if pair.target and pair.how == "user"}
+    how = tuple(found.get(name, "none") for name in source.names)
+    return BoneMapping(native, source.names, target.names, how)
 
 
 def native_skeleton(bones: Bones) -> Skeleton:

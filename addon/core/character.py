@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -117,6 +117,14 @@ class BoneWeights:
         return BoneWeights((key // width).astype(np.int32), (key % width).astype(np.int32), value)
 
 
+class BonePair(NamedTuple):
+    """A row of a bone list: source bone, target bone or nothing, and how it was found ("user": by hand)."""
+
+    source: str
+    target: str
+    how: str = "user"
+
+
 @dataclass(frozen=True)
 class Source:
     """The character that gives its weights.
@@ -143,7 +151,7 @@ class Target:
     whose groups must stay as they are. landmarks (k,2) pair a source vertex with a target vertex.
     `only_bones` (B,) and `only_vertices` (V,) restrict what is written, `copied_groups` are the
     source's groups without a bone that are copied too, columns of `copied_existing`; bone_map pairs
-    a source bone with each of its target bones by name, None to have them found.
+    a source bone with each of its target bones, None to have them found.
     """
 
     name: str
@@ -157,7 +165,7 @@ class Target:
     only_vertices: Flags | None = None
     copied_groups: tuple[str, ...] = ()
     copied_existing: BoneWeights = field(default_factory=BoneWeights.none)
-    bone_map: tuple[tuple[str, str], ...] | None = None
+    bone_map: tuple[BonePair, ...] | None = None
 
     @property
     def chosen(self) -> Flags:

@@ -4,6 +4,7 @@
 import bpy
 
 from ..blender.armature import find_armature
+from ..core.character import BonePair
 from ..core.errors import InputError
 
 
@@ -52,7 +53,7 @@ def landmark_pairs(source: bpy.types.Object, target: bpy.types.Object) -> list[t
     return [(pair.source_vertex, pair.target_vertex) for pair in kept.landmarks]
 
 
-def bone_pairs(source: bpy.types.Object, target: bpy.types.Object) -> tuple[tuple[str, str], ...] | None:
+def bone_pairs(source: bpy.types.Object, target: bpy.types.Object) -> tuple[BonePair, ...] | None:
     """The target's bone list: source bone, target bone or nothing; None when it has none."""
     kept = target.dermis_retarget
     if not kept.bone_map:
@@ -62,7 +63,7 @@ def bone_pairs(source: bpy.types.Object, target: bpy.types.Object) -> tuple[tupl
         owner = "an armature that was removed" if kept.bone_map_source is None else f"'{kept.bone_map_source.name}'"
         other = "no armature" if armature is None else f"'{armature.name}'"
         raise InputError(f"The bone list of '{target.name}' belongs to {owner}, not to {other}: map the bones again.")
-    return tuple((pair.source, pair.target) for pair in kept.bone_map)
+    return tuple(BonePair(pair.source, pair.target, pair.how.lower()) for pair in kept.bone_map)
 
 
 def check_landmark_source(source: bpy.types.Object, target: bpy.types.Object) -> None:

@@ -11,7 +11,7 @@ from .conftest import chain
 native = pytest.importorskip("dermis_native")
 
 from addon.core.bones import distances_to_bones, found_bones, listed_bones, map_characters  # noqa: E402
-from addon.core.character import Bones  # noqa: E402
+from addon.core.character import BonePair, Bones  # noqa: E402
 from addon.core.errors import InputError  # noqa: E402
 from addon.core.report import mapping_line, retarget_line, retarget_notes  # noqa: E402
 from addon.core.retarget import RetargetSettings  # noqa: E402
@@ -27,6 +27,10 @@ def fork():
     return Bones(bones.names, heads, tails, np.array([-1, 0, 1, 0, 3], np.int32))
 
 
+def pairs(*rows):
+    return tuple(BonePair(*row) for row in rows)
+
+
 def test_equal_names():
     mapping = found_bones("Old", chain("a", "b", "c"), "New", chain("a", "b", "c", "tail"))
     assert mapping.native.targets == [[0], [1], [2]]
@@ -38,7 +42,7 @@ def test_equal_names():
 
 
 def test_list_of_the_user():
-    rows = (("a", "a"), ("b", "c"), ("b", "b"), ("c", ""))
+    rows = pairs(("a", "a"), ("b", "c"), ("b", "b"), ("c", ""))
     mapping = listed_bones("Old", fork(), "New", fork(), rows)
     assert mapping.native.targets == [[0], [1, 2], [], [], []]  # from the top of the chain down
     assert mapping.counts() == {"user": 2}
@@ -48,6 +52,17 @@ def test_list_of_the_user():
         ("x", "", "none"), ("y", "", "none"),
     ]  # fmt: skip
     assert mapping_line("Old", "New", mapping).endswith(": 2 by hand, 3 without a counterpart.")
+
+
+def test_list_tells_what_was_found_and_what_was_changed():
+    found = found_bones("Old", fork(), "New", fork())
+    again = listed_bones("Old", fork(), "New", fork(), found.rows())
+    assert again.counts() == {"name": 5}
+    changed = [row._replace(target="", how="user") if row.source == "c" else row for row in found.rows()]
+    changed = [row._replace(target="x", how="user") if row.source == "y" else row for row in changed]
+    mixed = listed_bones("Old", fork(), "New", fork(), changed)
+    assert mixed.counts() == {"name": 3, "user": 1}
+    assert mixed.how == ("name", "name", "none", "name", "user")
 
 
 @pytest.mark.parametrize(
@@ -62,7 +77,7 @@ def test_list_of_the_user():
 )
 def test_list_that_cannot_be_used(rows, message):
     with pytest.raises(InputError, match=message):
-        listed_bones("Old", fork(), "New", fork(), rows)
+        listed_bones("Old", fork(), "New", fork(), pairs(*rows))
 
 
 def run(source, target):
@@ -80,7 +95,7 @@ def test_other_names(source, target):
 
 def test_list_of_the_target_is_used(source, target):
     """Source bones b and c both go to the target's b."""
-    listed = replace(target, bone_map=(("a", "a"), ("b", "b"), ("c", "b")))
+    listed = replace(target, bone_map=pairs(("a", "a"), ("b", "b"), ("c", "b")))
     found = run(source, listed)
     assert set(found.weights.bone.tolist()) == {0, 1}
     assert found.groups == (0, 1)
@@ -91,7 +106,7 @@ def test_list_of_the_target_is_used(source, target):
 
 
 def test_bone_without_a_counterpart_is_reported(source, target):
-    short = replace(target, bone_map=(("a", "a"), ("b", "b"), ("c", "")))
+    short = replace(target, bone_map=pairs(("a", "a"), ("b", "b"), ("c", "")))
     found = run(source, short)
     notes = retarget_notes(source, {"New": found})
     assert "Bones without a counterpart for 'New' gave their weight on: 'c' to 'b'." in notes
@@ -102,7 +117,7 @@ def test_bone_without_a_counterpart_is_reported(source, target):
 
 def test_map_of_characters_prefers_the_list(source, target):
     assert map_characters(source, target).counts() == {"name": 3}
-    assert map_characters(source, replace(target, bone_map=(("a", "c"),))).counts() == {"user": 1}
+    assert map_characters(source, replace(target, bone_map=pairs(("a", "c")))).counts() == {"user": 1}
 
 
 def test_distances_to_segments():

@@ -10,6 +10,7 @@ from .conftest import chain, dense, entries
 
 native = pytest.importorskip("dermis_native")
 
+from addon.core.character import BonePair  # noqa: E402
 from addon.core.errors import InputError  # noqa: E402
 from addon.core.merge import MergeSettings  # noqa: E402
 from addon.core.report import retarget_line, retarget_notes  # noqa: E402
@@ -89,7 +90,7 @@ def test_cancelled_task_raises(source, target):
 
 def test_task_checks_at_once(source, target):
     with pytest.raises(InputError, match="has no deforming bone 'z'"):
-        RetargetTask(source, [replace(target, bone_map=(("a", "z"),))], RetargetSettings())
+        RetargetTask(source, [replace(target, bone_map=(BonePair("a", "z"),))], RetargetSettings())
 
 
 def test_report(source, target):
