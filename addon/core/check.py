@@ -24,6 +24,7 @@ CATEGORIES = {
     "sides": "on one side with weight of the other",
     "fingers": "with weight of another finger",
     "stretch": "at edges that stretch too far",
+    "seams": "at a seam with unequal weights",
     "influences": "with too many influences",
     "filled": "filled in, not matched",
     "parts": "in loose parts",
@@ -46,7 +47,7 @@ class CheckSettings:
 @dataclass(frozen=True)
 class Checked:
     """What is looked at. Columns of `weights` are `bones`; `boneless_groups` are vertex groups that no bone
-    has; `filled` (V,) and `notes` come from a retargeting.
+    has; `filled` (V,) and `notes` come from a retargeting, `seams` (V,) from a look at all meshes together.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Checked:
     bones: Bones
     weights: BoneWeights
     filled: Flags | None = None
+    seams: Flags | None = None
     boneless_groups: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -120,6 +122,8 @@ def check(checked: Checked, settings: CheckSettings, step: Callable[[float], Non
     marked["fingers"] = bleeding_fingers(points, bones, weights)
     if settings.max_influences is not None:
         marked["influences"] = too_many(weights, count, settings.max_influences)
+    if checked.seams is not None:
+        marked["seams"] = checked.seams
     if checked.filled is not None:
         marked["filled"] = checked.filled
     parts = loose_parts(checked.name, checked.surface, weights)

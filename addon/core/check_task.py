@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from dermis_native import Cancelled
@@ -11,6 +12,7 @@ from dermis_native import Cancelled
 from .background import BackgroundTask
 from .character import BoneWeights, Source, Target
 from .check import Checked, CheckReport, CheckSettings, check
+from .check_seams import open_seams
 from .report import mapping_line, retarget_notes
 from .retarget import FILLED, TargetWeights
 from .task import RetargetTask
@@ -47,6 +49,13 @@ class CheckTask(BackgroundTask[list[CheckReport]]):
     def work(self) -> list[CheckReport]:
         """One report for each mesh."""
         reports = []
+        for each in self._checked:
+            each.surface.check(each.name)
+        seams = open_seams(
+            [each.surface for each in self._checked],
+            [each.weights for each in self._checked],
+            [each.bones.names for each in self._checked],
+        )
         for index, each in enumerate(self._checked):
             self._stage = each.name
 
@@ -56,7 +65,7 @@ class CheckTask(BackgroundTask[list[CheckReport]]):
                 self._fraction = (done + share) / len(self._checked)
 
             step(0.0)
-            reports.append(check(each, self._settings, step))
+            reports.append(check(replace(each, seams=seams[index]), self._settings, step))
         return reports
 
 

@@ -17,6 +17,7 @@ LABELS = {
     "sides": "Other Side",
     "fingers": "Other Finger",
     "stretch": "Stretched Edges",
+    "seams": "Unequal Seams",
     "influences": "Too Many Influences",
     "filled": "Filled In",
     "parts": "Loose Parts",

@@ -106,6 +106,16 @@ def test_surface_that_cannot_be_used():
         check(replace(body, surface=bent), CheckSettings())
 
 
+def test_seam_between_two_meshes():
+    low = good()
+    high = replace(low, name="High", surface=replace(low.surface, vertices=np.add(low.surface.vertices, (0, 0, 3))))
+    reports = CheckTask([low, high], CheckSettings()).work()
+    assert [report.vertices["seams"].tolist() for report in reports] == [[24, 25], [0, 1]]
+    same = replace(high, weights=replace(low.weights, vertex=25 - low.weights.vertex))
+    assert "seams" not in CheckTask([low, same], CheckSettings()).work()[0].vertices
+    assert "seams" not in CheckTask([low], CheckSettings()).work()[0].vertices
+
+
 def test_task_checks_each_mesh_and_can_be_cancelled():
     task = CheckTask([good(), replace(good(), name="Other")], CheckSettings())
     task.start()
