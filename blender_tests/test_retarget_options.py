@@ -161,6 +161,12 @@ def test_all_groups():
     assert "ignored" not in target.dermis_retarget.result
 
 
+def test_no_unlocked_group():
+    source, _ = c.source_tube()
+    with pytest.raises(RuntimeError, match="'Target' has no unlocked group of a deforming bone of 'SourceRig'"):
+        c.retarget(source, c.target_tube(), subset="UNLOCKED")
+
+
 def test_unlocked_groups_makes_none():
     source, _ = c.source_tube()
     masks(source)
@@ -187,6 +193,25 @@ def test_mix_factor():
     np.testing.assert_allclose(c.dense(half, NAMES), expected, atol=1e-5)
     assert c.bone_names(rig) == list(NAMES)
     undoable(source, bpy.data.objects["Old"], mix_factor=0.5)
+
+
+def test_bones_of_the_target_alone_are_kept():
+    source, _ = c.source_tube()
+    target = c.target_tube()
+    own = c.armature("Own", [*c.tube_bones(), ("skirt", "lower", (2, 0, 0), (2, 0, 1))])
+    c.deform(target, own)
+    target.vertex_groups.new(name="skirt").add([3, 4], 0.625, "REPLACE")
+    c.activate(source, target)
+    bpy.ops.dermis.map_bones()
+    for row in target.dermis_retarget.bone_map:
+        row.target = row.source
+    before, after = undoable(source, target, keep_unmapped=True)
+    assert column(before["Target"], "skirt") == column(after["Target"], "skirt")
+    target = bpy.data.objects["Target"]
+    np.testing.assert_allclose(c.dense(target, [*NAMES, "skirt"]).sum(axis=1), 1, atol=1e-6)
+    assert "kept their weights: 'skirt'" in target.dermis_retarget.result
+    c.retarget(bpy.data.objects["Source"], target)
+    assert c.dense(target, ["skirt"]).max() == 0
 
 
 @pytest.mark.parametrize("limit", [1, 2, 4, 8])

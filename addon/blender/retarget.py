@@ -88,7 +88,7 @@ def read_target(
         existing=groups.of_bones(bones.names),
         locked=groups.locked_bones(bones.names),
         landmarks=np.array(choice.landmarks, np.int64).reshape(-1, 2) if choice.landmarks else None,
-        only_bones=scope.bones(armature, groups, bones.names),
+        only_bones=scope.bones(ob, armature, groups, bones.names),
         only_vertices=scope.vertices(ob),
         copied_groups=copied,
         copied_existing=groups.of_bones(copied),

@@ -42,6 +42,7 @@ class RetargetJob:
     ) -> None:
         self._began = perf_counter()
         self._show_match = show_match
+        self.settings = settings
         scope = scope or Scope()
         self._source_object = source
         self.objects = tuple(objects)
@@ -72,4 +73,5 @@ class RetargetJob:
         named = {target.name: result for target, result in zip(self.targets, results, strict=True)}
         line = retarget_line(self.source, named, perf_counter() - self._began)
         self.results = tuple(results)
-        return line, retarget_notes(self.source, named, copied=any(target.copied_groups for target in self.targets))
+        copied = any(target.copied_groups for target in self.targets)
+        return line, retarget_notes(self.source, named, copied, self.settings.keep_unmapped)

@@ -21,11 +21,16 @@ class Scope:
     subset: Subset = "DEFORM"
     only_selected_vertices: bool = False
 
-    def bones(self, armature: bpy.types.Object, groups: GroupWeights, names: tuple[str, ...]) -> np.ndarray | None:
-        """Which of the bones (B,) are chosen, None for all."""
+    def bones(
+        self, ob: bpy.types.Object, armature: bpy.types.Object, groups: GroupWeights, names: tuple[str, ...]
+    ) -> np.ndarray | None:
+        """Which of the bones (B,) are chosen, None for all; InputError where that is none."""
         if self.subset == "UNLOCKED":
             unlocked = {name for name, locked in zip(groups.names, groups.locked, strict=True) if not locked}
-            return np.array([name in unlocked for name in names], np.bool_)
+            chosen = np.array([name in unlocked for name in names], np.bool_)
+            if not chosen.any():
+                raise InputError(f"'{ob.name}' has no unlocked group of a deforming bone of '{armature.name}'.")
+            return chosen
         if self.subset == "SELECTED":
             selected = selected_bones(armature)
             chosen = np.array([name in selected for name in names], np.bool_)

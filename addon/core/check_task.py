@@ -105,7 +105,8 @@ class RetargetCheckTask(BackgroundTask[list[CheckReport]]):
         """One report for each target."""
         results = self._retargeting.work()
         checked = [
-            would_be(self._source, target, result) for target, result in zip(self._targets, results, strict=True)
+            would_be(self._source, target, result, self._retargeting.settings.keep_unmapped)
+            for target, result in zip(self._targets, results, strict=True)
         ]
         self._checking = CheckTask(checked, self._settings)
         if self._cancelled:
@@ -113,8 +114,8 @@ class RetargetCheckTask(BackgroundTask[list[CheckReport]]):
         return self._checking.work()
 
 
-def would_be(source: Source, target: Target, result: TargetWeights) -> Checked:
-    """The target with the weights that it would have."""
+def would_be(source: Source, target: Target, result: TargetWeights, kept: bool = False) -> Checked:
+    """The target with the weights that it would have; `kept` when its own bones keep theirs."""
     return Checked(
         target.name,
         target.armature,
@@ -124,7 +125,7 @@ def would_be(source: Source, target: Target, result: TargetWeights) -> Checked:
         filled=result.status == FILLED,
         notes=(
             mapping_line(source.armature, target.armature, result.mapping),
-            *retarget_notes(source, {target.name: result}, bool(target.copied_groups)),
+            *retarget_notes(source, {target.name: result}, bool(target.copied_groups), kept),
         ),
     )
 

@@ -39,8 +39,12 @@ def retarget_line(source: Source, results: dict[str, TargetWeights], seconds: fl
     return f"Weights of '{source.name}' given to {to}: {', '.join(parts)}."
 
 
-def retarget_notes(source: Source, results: dict[str, TargetWeights], copied: bool = False) -> list[str]:
-    """Sentences on what was left out, empty when nothing was; `copied` when groups without a bone went along."""
+def retarget_notes(
+    source: Source, results: dict[str, TargetWeights], copied: bool = False, kept: bool = False
+) -> list[str]:
+    """Sentences on what was left out, empty when nothing was; `copied` when groups without a bone
+    went along, `kept` when bones of a target alone kept their weights.
+    """
     notes = []
     if source.shape in SHAPES:
         notes.append(SHAPES[source.shape])
@@ -50,7 +54,8 @@ def retarget_notes(source: Source, results: dict[str, TargetWeights], copied: bo
     for name, value in results.items():
         alone = value.mapping.only_in_target
         if alone:
-            notes.append(f"'{name}' has bones that the source lacks, left without weights: {listed(alone)}.")
+            left = "which kept their weights" if kept else "left without weights"
+            notes.append(f"'{name}' has bones that the source lacks, {left}: {listed(alone)}.")
         weighted = {source.bones.names[bone] for bone in np.unique(source.weights.bone[source.weights.value > 0])}
         heirs = [f"'{bone}' to '{heir}'" for bone, heir in value.mapping.heirs() if bone in weighted]
         if heirs:

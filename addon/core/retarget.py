@@ -34,13 +34,15 @@ class RetargetSettings:
     """How weights are found and written.
 
     mirror "flip" uses the source's mirror image, "left" and "right" its left or right side for both
-    halves; close_seams gives coincident open-edge vertices of all targets equal weights.
+    halves; close_seams gives coincident open-edge vertices of all targets equal weights;
+    keep_unmapped keeps the weights of target bones that stand for no source bone, as a lock does.
     """
 
     method: Method = "auto"
     eigenpairs: int = 100
     mirror: Mirror = "none"
     close_seams: bool = True
+    keep_unmapped: bool = False
     merge: MergeSettings = field(default_factory=MergeSettings)
 
     @property
@@ -164,15 +166,18 @@ def two_halves(target: Target, plain: FoundWeights, mirrored: FoundWeights, mirr
     )
 
 
-def fit_weights(target: Target, found: FoundWeights, settings: MergeSettings, seams: int = 0) -> TargetWeights:
+def fit_weights(target: Target, found: FoundWeights, settings: RetargetSettings, seams: int = 0) -> TargetWeights:
     """What of the found weights is written, beside what stays."""
-    merged = merge_weights(found.weights, target, settings)
+    if settings.keep_unmapped:
+        unmapped = np.ones(len(target.bones), np.bool_)
+        unmapped[list(found.mapping.mapped)] = False
+        target = replace(target, locked=target.locked | unmapped)
+    merged = merge_weights(found.weights, target, settings.merge)
     status = found.status[merged.replaced]
     stays = target.existing.where(~merged.written[target.existing.bone])
     at = np.zeros(len(target.surface.vertices), np.bool_)
     at[merged.replaced] = True
-    mix = np.full(len(at), settings.mix)
-    copied = blended(found.copied, target.copied_existing, mix) if settings.mix > 0.0 else target.copied_existing
+    copied = blended(found.copied, target.copied_existing, np.full(len(at), settings.merge.mix))
     everything = np.concatenate([merged.weights.vertex, stays.vertex[at[stays.vertex] & (stays.value > 0)]])
     return TargetWeights(
         weights=merged.weights,

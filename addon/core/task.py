@@ -40,7 +40,7 @@ class RetargetTask(BackgroundTask[list[TargetWeights]]):
         self._source = source
         self._mirrored = source if settings.mirror == "none" else mirrored_source(source)
         self._targets = tuple(targets)
-        self._settings = settings
+        self.settings = settings
         self._progress = [Progress() for _ in self._targets for _ in range(settings.runs)]
         self._current = 0
 
@@ -59,7 +59,7 @@ class RetargetTask(BackgroundTask[list[TargetWeights]]):
         """What is being done now."""
         current = min(self._current, len(self._progress) - 1)
         stage = self._progress[current].stage
-        target = self._targets[current // self._settings.runs]
+        target = self._targets[current // self.settings.runs]
         prefix = f"{target.name}: " if len(self._targets) > 1 else ""
         return prefix + stage
 
@@ -69,10 +69,10 @@ class RetargetTask(BackgroundTask[list[TargetWeights]]):
 
     def _found(self, target: Target) -> FoundWeights:
         """The weights of one target, from one run or, for two halves, from two."""
-        mirror = self._settings.mirror
+        mirror = self.settings.mirror
         first = self._mirrored if mirror == "flip" else self._source
         plain = self._run(first, target)
-        if self._settings.runs == 1:
+        if self.settings.runs == 1:
             return plain
         # The user's pairs hold for the source as it is, not for its mirror image.
         mirrored = self._run(self._mirrored, replace(target, landmarks=None))
@@ -82,17 +82,17 @@ class RetargetTask(BackgroundTask[list[TargetWeights]]):
         progress = self._progress[self._current]
         if progress.cancelled:
             raise Cancelled("cancelled")
-        found = find_weights(source, target, self._settings, progress)
+        found = find_weights(source, target, self.settings, progress)
         self._current += 1
         return found
 
     def _fitted(self, found: Sequence[FoundWeights]) -> list[TargetWeights]:
         weights = [each.weights for each in found]
         seams = [0] * len(found)
-        if self._settings.close_seams:
+        if self.settings.close_seams:
             surfaces = [target.surface for target in self._targets]
             weights, seams = close_seams(surfaces, weights, [target.bones.names for target in self._targets])
         return [
-            fit_weights(target, replace(each, weights=own), self._settings.merge, count)
+            fit_weights(target, replace(each, weights=own), self.settings, count)
             for target, each, own, count in zip(self._targets, found, weights, seams, strict=True)
         ]

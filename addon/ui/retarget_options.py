@@ -90,6 +90,12 @@ class RetargetOptions:
         description="Replace the bone weights that the target has; otherwise only vertices without any get weights",
         default=True,
     )
+    keep_unmapped: BoolProperty(
+        name="Keep Unmapped Bones",
+        description="Merge: bones of the target that stand for no bone of the source keep their weights, as if they "
+        "were locked, and the others share the rest; otherwise they lose them",
+        default=False,
+    )
     mix_factor: FloatProperty(
         name="Mix Factor",
         description="Share of the new weights where a vertex has weights already: 0 keeps those, 1 takes the new ones",
@@ -128,7 +134,7 @@ class RetargetOptions:
             ("method", "mirror", "use_landmarks", "use_bone_map", "eigenpairs"),
             ("source_geometry", "target_geometry"),
             ("subset", "other_groups", "only_selected"),
-            ("replace", "mix_factor", "max_influences", "close_seams"),
+            ("replace", "keep_unmapped", "mix_factor", "max_influences", "close_seams"),
         ):
             column = layout.column(align=True)
             for name in names:
@@ -156,6 +162,7 @@ class RetargetOptions:
                 eigenpairs=self.eigenpairs,
                 mirror=self.mirror.lower(),
                 close_seams=self.close_seams,
+                keep_unmapped=self.keep_unmapped,
                 merge=MergeSettings(
                     replace=self.replace,
                     mix=self.mix_factor,

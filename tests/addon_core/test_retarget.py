@@ -11,6 +11,7 @@ from .conftest import chain, dense, entries
 native = pytest.importorskip("dermis_native")
 
 from addon.core.character import BonePair  # noqa: E402
+from addon.core.check_task import resulting_weights  # noqa: E402
 from addon.core.errors import InputError  # noqa: E402
 from addon.core.merge import MergeSettings  # noqa: E402
 from addon.core.report import retarget_line, retarget_notes  # noqa: E402
@@ -156,3 +157,25 @@ def test_seam_between_two_targets(source, target):
 def test_statuses_are_counted(source, target):
     found = retarget(source, target)
     assert np.count_nonzero(found.status == MATCHED) == found.matched
+
+
+@pytest.mark.parametrize("keep", [True, False])
+def test_bones_that_only_the_target_has(source, target, keep):
+    """A bone of a skirt, painted by hand at some vertices."""
+    names, heads = ("a", "b", "c", "skirt"), np.vstack([target.bones.heads, (4, 0, 1)])
+    bones = replace(
+        target.bones,
+        names=names,
+        heads=heads,
+        tails=np.add(heads, (0, 0, 1)),
+        parents=np.array([-1, 0, 1, 1], np.int32),
+    )
+    old = entries((4, 3, 0.75), (4, 0, 0.25), (5, 3, 1.0))
+    mine = replace(target, bones=bones, existing=old, locked=np.zeros(4, np.bool_))
+    mine = replace(mine, bone_map=(BonePair("a", "a"), BonePair("b", "b"), BonePair("c", "c")))
+    found = retarget(source, mine, keep_unmapped=keep)
+    after = dense(resulting_weights(mine, found), 16, 4)
+    np.testing.assert_allclose(after.sum(axis=1), 1, atol=1e-6)
+    assert after[4:6, 3].tolist() == ([0.75, 1.0] if keep else [0, 0])
+    note = retarget_notes(source, {"New": found}, kept=keep)[0]
+    assert ("kept their weights" in note) == keep
