@@ -1,7 +1,8 @@
 """Ways to give a target weights without Dermis' retargeting, for comparison.
 
 Each takes a `characters.Pair` and returns dense weights over the target's bones. What comes from
-the source's surface goes over Dermis' bone map where the two skeletons differ.
+the source's surface goes over Dermis' bone map where the two skeletons differ. Two bodies are brought
+to the same height and centre first; a garment stays where it is worn.
 """
 
 import igl
@@ -23,7 +24,7 @@ def closest_points(pair):
     """Interpolated source weights (V,B) at the closest points, distances (V,), normals (V,3) there."""
     source = pair.source
     triangles = source.triangles
-    squared, face, closest = igl.point_mesh_squared_distance(pair.target.vertices, source.vertices, triangles)
+    squared, face, closest = igl.point_mesh_squared_distance(brought_over(pair), source.vertices, triangles)
     corners = triangles[face]
     barycentric = igl.barycentric_coordinates(
         closest, *(np.ascontiguousarray(source.vertices[corners[:, k]]) for k in range(3))
@@ -34,6 +35,16 @@ def closest_points(pair):
     weights = np.einsum("vk,vkb->vb", barycentric, source.weights[corners].astype(np.float64))
     normals = np.einsum("vk,vki->vi", barycentric, vertex_normals(source.vertices, triangles)[corners])
     return weights, np.sqrt(squared), normals
+
+
+def brought_over(pair):
+    """Vertices (V,3) of the target as high as the source and in its place; a garment's as they are."""
+    if pair.worn:
+        return pair.target.vertices
+    middle = lambda vertices: 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))  # noqa: E731
+    own, goal = pair.target.vertices, pair.source.vertices
+    scale = np.ptp(goal[:, 2]) / np.ptp(own[:, 2])
+    return np.ascontiguousarray((own - middle(own)) * scale + middle(goal))
 
 
 def vertex_normals(vertices, triangles):
@@ -60,7 +71,7 @@ def closest_point(pair):
 def robust_inpainting(pair):
     """Closest points where distance and normals agree, weights of least bi-Laplacian energy between them."""
     weights, distances, normals = closest_points(pair)
-    vertices, triangles = pair.target.vertices, pair.target.triangles
+    vertices, triangles = brought_over(pair), pair.target.triangles
     own = vertex_normals(vertices, triangles)
     cosine = np.einsum("vi,vi->v", own, normals)
     cosine /= np.maximum(np.linalg.norm(own, axis=1) * np.linalg.norm(normals, axis=1), 1e-300)

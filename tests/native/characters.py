@@ -44,11 +44,15 @@ REST_POSE = {
 
 @dataclass(frozen=True)
 class Pair:
-    """Source, target with its true weights, and the skeleton that a method is given for the target."""
+    """Source, target with its true weights, and the character whose skeleton a method is given.
+
+    `worn` says that the target is a garment on the source.
+    """
 
     source: makehuman.Character
     target: makehuman.Character
     given: makehuman.Character
+    worn: bool = False
 
 
 def mesh_of(character):
@@ -144,10 +148,10 @@ def _to(target, given=None) -> Callable[[], Pair]:
     return make
 
 
-def _between(source, target) -> Callable[[], Pair]:
+def _between(source, target, worn=False) -> Callable[[], Pair]:
     def make():
         true = remeshed(shared(target))
-        return Pair(shared(source), true, true)
+        return Pair(shared(source), true, true, worn)
 
     return make
 
@@ -182,8 +186,8 @@ def shared_pairs():
         "zombie_male": ("m2m_zombie", "m2m_human_male"),
         "default_dec6k": ("mh_default", "mh_child_dec6k"),
         "default_male1591": ("mh_default", "mh_default_male1591"),
-        "default_tights": ("mh_default", "mh_default_tights"),
-        "heavy_casualsuit": ("mh_heavy", "mh_heavy_casualsuit04"),
+        "default_tights": ("mh_default", "mh_default_tights", True),
+        "heavy_casualsuit": ("mh_heavy", "mh_heavy_casualsuit04", True),
         "mixamo_default": ("mh_default_rig_mixamo", "mh_default_rig_default"),
         "default_mixamo": ("mh_default_rig_default", "mh_default_rig_mixamo"),
         "game_mixamo": ("mh_default", "mh_default_rig_mixamo"),
