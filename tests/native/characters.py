@@ -104,15 +104,10 @@ def body(name, **macro):
 
 
 def random_body(seed):
-    """A body with macro values drawn at random."""
+    """A body of any age from a child's on, its other macro values drawn at random too."""
     random = np.random.default_rng(1000 + seed)
-    return body(
-        f"random {seed}",
-        **{
-            key: round(float(value), 3)
-            for key, value in zip(makehuman.DEFAULTS, random.uniform(0.0, 1.0, len(makehuman.DEFAULTS)), strict=True)
-        },
-    )
+    values = {key: round(float(random.uniform(0.2 if key == "age" else 0.0, 1.0)), 3) for key in makehuman.DEFAULTS}
+    return body(f"random {seed}", **values)
 
 
 @cache
