@@ -30,6 +30,7 @@ __all__ = [
     "TetMesh",
     "TriangleMesh",
     "__version__",
+    "bind_weights",
     "dual_quaternion_skinning",
     "eigenpairs",
     "laplacian",
@@ -242,6 +243,17 @@ def retarget_weights(
     needed and landmarks are chosen on them: head, hands and knees of a biped, otherwise the end of
     every chain. With both skeletons, bones are paired by `map_bones` unless `bone_map` is given, and
     matches are searched in the same region only (figure 3).
+    """
+
+def bind_weights(
+    mesh: TriangleMesh,
+    skeleton: Skeleton,
+    *,
+    method: Literal["paper"] = "paper",
+    max_influences: int | None = None,
+) -> SkinWeights:
+    """Weights made from the skeleton alone: by the distance to the three nearest bones in a joint
+    area, to the two nearest elsewhere (eq. 2, section 4.1). A vertex on a bone belongs to it alone.
     """
 
 def linear_blend_skinning(vertices: _Floats, weights: SkinWeights, transforms: _Floats) -> npt.NDArray[np.float32]:

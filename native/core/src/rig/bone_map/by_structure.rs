@@ -147,7 +147,7 @@ fn even_out_chains(from: &Skeleton, to: &Skeleton, entries: &mut [Entry], added:
         _ => None,
     };
     let starts = (0..entries.len() as u32)
-        .filter(|&b| added[b as usize] && !up(b).is_some_and(|above| goes_on(above) == Some(b)));
+        .filter(|&b| added[b as usize] && up(b).is_none_or(|above| goes_on(above) != Some(b)));
     let limbs: Vec<Vec<u32>> =
         starts.map(|start| std::iter::successors(Some(start), |&b| goes_on(b)).collect()).collect();
     let taken: Vec<bool> = {
@@ -205,15 +205,12 @@ fn run(
         bones.append(&mut above);
     }
     bones.reverse();
-    let mut tip = last;
-    while to_the_tip {
-        match children(tip)[..] {
-            [only] if !known(only) => {
-                bones.push(only);
-                tip = only;
-            }
-            _ => break,
-        }
+    if to_the_tip {
+        let below = |&bone: &u32| match children(bone)[..] {
+            [only] if !known(only) => Some(only),
+            _ => None,
+        };
+        bones.extend(std::iter::successors(Some(last), below).skip(1));
     }
     bones
 }

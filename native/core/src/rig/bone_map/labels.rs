@@ -132,11 +132,13 @@ impl Labels {
             .unwrap_or_default();
         let parents = || arms.iter().filter_map(|&bone| skeleton.parents()[bone as usize]);
         let chest = parents().filter_map(|parent| spine.iter().position(|&b| b == parent)).max();
-        if let (false, false, Some(chest)) = (named(self, Part::Neck), named(self, Part::Head), chest) {
-            if let Some((head, neck)) = spine[chest + 1..].split_last() {
-                self.rename(&[*head], &Part::Head);
-                self.rename(neck, &Part::Neck);
-            }
+        let above_chest = match (named(self, Part::Neck), named(self, Part::Head), chest) {
+            (false, false, Some(chest)) => &spine[chest + 1..],
+            _ => &[],
+        };
+        if let Some((head, neck)) = above_chest.split_last() {
+            self.rename(&[*head], &Part::Head);
+            self.rename(neck, &Part::Neck);
         }
         if !named(self, Part::Hips) {
             self.rename(&spine[..1], &Part::Hips);

@@ -168,7 +168,7 @@ fn every_scheme_maps_to_every_other() {
             let (source, target) = (skeleton(&from.bones()), skeleton(&to.bones()));
             let map = map_bones(&source, &target).unwrap();
             for bone in 0..source.bone_count() {
-                assert_eq!(map.targets(bone).is_empty(), false, "{} to {}", source.label(bone), to.hips);
+                assert!(!map.targets(bone).is_empty(), "{} to {}", source.label(bone), to.hips);
                 assert!(matches!(map.how(bone), How::Name | How::Scheme), "{}", source.label(bone));
             }
             let used: std::collections::HashSet<u32> =
