@@ -110,11 +110,11 @@ def test_undo_brings_the_selection_back():
 def test_selecting_needs_a_check_of_these_vertices():
     ob, _ = faulty()
     c.activate(ob)
-    with pytest.raises(RuntimeError, match="'Body' was not checked since its vertices last changed"):
+    with pytest.raises(RuntimeError, match="'Body' must be checked first"):
         bpy.ops.dermis.select_problems(category="TOTALS")
     check(ob)
     ob.data.vertices.add(1)
-    with pytest.raises(RuntimeError, match="'Body' was not checked since"):
+    with pytest.raises(RuntimeError, match="'Body' must be checked first"):
         bpy.ops.dermis.select_problems()
 
 
@@ -123,8 +123,9 @@ def test_filled_vertices_need_no_check():
     vertices, faces = c.tube(9, 16, radius=0.6)
     target = c.mesh_object("Target", [*vertices, (1, 1, 0.2)], faces)
     c.retarget(source, target)
-    c.activate(target)
+    assert "dermis.select_problems" in draw("DERMIS_PT_retarget")
     assert bpy.ops.dermis.select_problems(category="FILLED") == {"FINISHED"}
+    assert selected(source) == list(range(158)), "the source has no filled vertices and keeps its selection"
     assert 146 in selected(target)
 
 

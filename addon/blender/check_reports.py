@@ -5,7 +5,6 @@ import bpy
 import numpy as np
 
 from ..core.check import CheckReport
-from ..core.errors import InputError
 from ..core.retarget import FILLED
 from .match_display import kept_status
 from .selected_vertices import vertex_count
@@ -30,12 +29,13 @@ def forget_reports() -> None:
     _reports.clear()
 
 
-def problem_vertices(ob: bpy.types.Object, category: str) -> np.ndarray:
-    """Vertices of a category of the last check; of those that were filled in, also without a check."""
+def problem_vertices(ob: bpy.types.Object, category: str) -> np.ndarray | None:
+    """Vertices of a category of the last check, None where these vertices were not checked.
+
+    Those that were filled in are known from the last retargeting too.
+    """
     report = kept_report(ob)
     if report is not None and (category in report.vertices or category != "filled"):
         return report.vertices.get(category, np.empty(0, np.int32))
     status = kept_status(ob) if category == "filled" else None
-    if status is None:
-        raise InputError(f"'{ob.name}' was not checked since its vertices last changed: check it first.")
-    return np.flatnonzero(status == FILLED)
+    return None if status is None else np.flatnonzero(status == FILLED)

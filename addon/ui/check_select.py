@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, EnumProperty
 from ..blender.check_reports import kept_report, problem_vertices
 from ..blender.selected_vertices import select_vertices
 from ..core.check import CATEGORIES, NOTED
-from ..core.errors import InputError, counted
+from ..core.errors import InputError, counted, listed
 from .operator_base import DermisOperator
 from .selection import checked_meshes
 
@@ -29,7 +29,10 @@ class DERMIS_OT_select_problems(DermisOperator, bpy.types.Operator):
 
     bl_idname = "dermis.select_problems"
     bl_label = "Select Problem Vertices"
-    bl_description = "Select the vertices of the selected meshes that the last check found"
+    bl_description = (
+        "Select the vertices of the selected meshes that the last check found; those that were filled in also "
+        "right after Retarget Weights"
+    )
     bl_options = {"REGISTER", "UNDO"}
 
     category: EnumProperty(
@@ -53,7 +56,11 @@ class DERMIS_OT_select_problems(DermisOperator, bpy.types.Operator):
 
     def run(self, context):
         """Select the vertices of each mesh, and make vertices what is selected in Edit Mode."""
-        chosen = [(ob, self._vertices(ob)) for ob in checked_meshes(context)]
+        meshes = checked_meshes(context)
+        known = [(ob, self._vertices(ob)) for ob in meshes]
+        chosen = [(ob, vertices) for ob, vertices in known if vertices is not None]
+        if not chosen:
+            raise InputError(f"{listed([ob.name for ob in meshes])} must be checked first.")
         for ob, _ in chosen:
             if ob.library is not None or ob.data.library is not None:
                 raise InputError(f"'{ob.name}' is linked, its vertices cannot be selected.")
@@ -68,6 +75,6 @@ class DERMIS_OT_select_problems(DermisOperator, bpy.types.Operator):
         if self.category != "ALL":
             return problem_vertices(ob, self.category.lower())
         if kept_report(ob) is None:
-            raise InputError(f"'{ob.name}' was not checked since its vertices last changed: check it first.")
+            return None
         found = {v for name in CATEGORIES if name not in NOTED for v in problem_vertices(ob, name).tolist()}
         return sorted(found)

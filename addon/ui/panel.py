@@ -6,7 +6,9 @@ import textwrap
 import bpy
 
 from ..blender.armature import find_armature
+from ..blender.match_display import kept_status
 from ..core.errors import counted
+from ..core.retarget import FILLED
 from .landmark_add import DERMIS_OT_landmark_add
 from .landmark_clear import DERMIS_OT_landmark_clear
 from .landmark_remove import DERMIS_OT_landmark_remove
@@ -57,6 +59,12 @@ class DERMIS_PT_retarget(SidebarPanel, bpy.types.Panel):
         target = single_target(context)
         if target is not None and target.dermis_retarget.result:
             draw_text(layout.column(align=True), target.dermis_retarget.result, context)
+            status = kept_status(target)
+            if status is not None and (status == FILLED).any():
+                button = layout.operator(
+                    "dermis.select_problems", text="Select Filled Vertices", icon="RESTRICT_SELECT_OFF"
+                )
+                button.category = "FILLED"
 
 
 class DERMIS_PT_landmarks(SidebarPanel, bpy.types.Panel):
