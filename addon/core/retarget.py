@@ -197,7 +197,7 @@ def fit_weights(target: Target, found: FoundWeights, settings: RetargetSettings,
 
 
 def _copied(source: Source, target: Target, correspondence: npt.NDArray[np.int64]) -> BoneWeights:
-    """Weights of the source's groups without a bone at the vertices that were matched."""
+    """Weights of the source's groups without a bone at the source vertices that were matched, none where none was."""
     if not target.copied_groups:
         return BoneWeights.none()
     dense = np.zeros((len(source.surface.vertices), len(target.copied_groups)), np.float32)
@@ -205,7 +205,7 @@ def _copied(source: Source, target: Target, correspondence: npt.NDArray[np.int64
     place = np.array([column.get(name, -1) for name in source.boneless_groups], np.int32)[source.boneless.bone]
     kept = place >= 0
     dense[source.boneless.vertex[kept], place[kept]] = source.boneless.value[kept]
-    values = dense[correspondence]
+    values = np.where(correspondence[:, None] >= 0, dense[correspondence], np.float32(0.0))
     vertex, group = np.nonzero(values)
     return BoneWeights(vertex.astype(np.int32), group.astype(np.int32), values[vertex, group])
 

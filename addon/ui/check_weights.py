@@ -23,7 +23,7 @@ class DERMIS_OT_check(RetargetOptions, ModalJobOperator, bpy.types.Operator):
         "Look for vertices without weights, totals other than 1, weights on the wrong side or finger, and edges that "
         "stretch when joints turn. Changes nothing"
     )
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"REGISTER", "UNDO", "PRESET"}
     doing = "Checking"
 
     use_retarget: BoolProperty(

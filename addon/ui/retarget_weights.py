@@ -23,7 +23,7 @@ class DERMIS_OT_retarget_weights(RetargetOptions, ModalJobOperator, bpy.types.Op
         "Give the selected meshes the bone weights of the active mesh, matched over the surfaces. "
         "Locked vertex groups stay as they are"
     )
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"REGISTER", "UNDO", "PRESET"}
     doing = "Retargeting"
 
     select_filled: BoolProperty(
