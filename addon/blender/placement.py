@@ -6,6 +6,7 @@ starts, solves in the same space and gets the same bits.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import bpy
 import numpy as np
@@ -41,8 +42,15 @@ class Placement:
         return Bones(bones.names, bones.heads @ linear.T + origin, bones.tails @ linear.T + origin, bones.parents)
 
     def in_object(self, offsets: np.ndarray) -> np.ndarray:
-        """Offsets (V,3) of the solver's space in the object's."""
-        return offsets @ affine_inverse(self.object)[:3, :3].T
+        """Offsets (V,3) float32 of the solver's space in the object's."""
+        return offsets if self._to_object is None else offsets @ self._to_object
+
+    @cached_property
+    def _to_object(self) -> np.ndarray | None:
+        """Matrix (3,3) float32 for rows of offsets, None where the two spaces have the same axes."""
+        if np.array_equal(self.object[:3, :3], np.eye(3)):
+            return None
+        return np.ascontiguousarray(affine_inverse(self.object)[:3, :3].T, np.float32)
 
 
 def object_to_armature(ob: bpy.types.Object, armature: bpy.types.Object) -> np.ndarray:

@@ -108,7 +108,7 @@ def _update(
         _refresh(ob, state, modifier, depsgraph)
         deltas = state.reading.layout.deltas(armature)
     check_finite_pose(armature.name, state.reading.layout.bones, deltas)
-    place = placement.stored(ob)
+    place = state.place
     to_armature = placement.object_to_armature(evaluated, armature)
     to_solver = settled(place.object @ affine_inverse(to_armature), place.armature)
     transforms = conjugated(deltas, to_solver).astype(np.float32)
@@ -184,6 +184,6 @@ def _rebuild(
         state.notice = REBUILT
     key = reading.skin_key(place)
     state.skin = registry.skin(reading, key, place)
-    state.reading, state.skin_key = reading, key
+    state.reading, state.place, state.skin_key = reading, place, key
     state.stats = state.skin.stats
     state.written = None

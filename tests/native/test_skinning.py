@@ -71,6 +71,19 @@ def test_scaled_bones_keep_their_scale(scene):
     np.testing.assert_allclose(skinned, blend(vertices, weights, scaled), atol=2e-5)
 
 
+def test_scaled_bones_blend_as_rigid_motions(scene):
+    """What the scale does to the vertex counts as translation of the bone, so rotations blend undisturbed."""
+    vertices, weights, transforms = scene
+    rest = np.tile(np.eye(4), (5, 1, 1))
+    scale = np.diag([1.5, 0.5, 2, 1])
+    skinned = dual_quaternion_skinning(vertices, SkinWeights.from_dense(weights), transforms @ scale, rest=rest)
+    for v in range(0, 200, 7):
+        rigid = transforms.copy()
+        rigid[:, :3, 3] += transforms[:, :3, :3] @ (scale[:3, :3] @ vertices[v] - vertices[v])
+        wanted = dual_blend(vertices[v : v + 1], weights[v : v + 1], rigid)[0]
+        np.testing.assert_allclose(skinned[v], wanted, atol=2e-5)
+
+
 @pytest.mark.parametrize("preserve_volume", [False, True])
 def test_rest_space_offsets_move_the_skinned_surface(scene, preserve_volume):
     vertices, weights, transforms = scene

@@ -6,6 +6,7 @@
 
 mod arrays;
 mod cage;
+mod choices;
 mod errors;
 mod mesh;
 mod pbd;
