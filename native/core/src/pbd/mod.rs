@@ -3,8 +3,10 @@
 mod active;
 mod areas;
 mod bind;
+mod build;
 mod contact;
 mod contact_setup;
+mod contact_shape;
 mod energy;
 mod error;
 #[cfg(test)]

@@ -7,18 +7,17 @@ use std::time::Instant;
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
-use super::areas::JointAreas;
+use super::build::build_islands;
+use super::contact_shape::reshaped;
 use super::island::{Island, from_vector};
-use super::masks::PatchMasks;
-use super::patch::{PatchInput, build_patch};
 use super::smoothing::smooth_correction;
 use super::solver::{Scratch, inverted, solve_island};
 use super::stats::{ConstraintCounts, Milliseconds, Stats};
 use super::stiffness::check_shares;
 use super::surface_contact::SurfaceContacts;
 use super::{PbdError, PbdSettings, SkinningMethod};
-use crate::cage::{TetMesh, WindingNumber};
-use crate::mesh::{Adjacency, SurfaceQuery, TriangleMesh};
+use crate::cage::TetMesh;
+use crate::mesh::{Adjacency, TriangleMesh};
 use crate::rig::Skeleton;
 use crate::skinning::{SkinWeights, Skinning, SkinningError, check_transforms, to_rest_space};
 
@@ -322,10 +321,15 @@ impl PbdSkin {
         for &vertex in &self.moved {
             positions[vertex as usize] += correction[vertex as usize];
         }
-        if self.settings.self_collision && std::ptr::eq(vertices, self.rest.as_slice()) {
+        if self.settings.self_collision {
+            let is_rest = vertices == self.rest;
             for ((island, contacts), scratch) in self.islands.iter().zip(&self.contacts).zip(scratch) {
-                if let Some(frame) = &scratch.frame {
-                    contacts.separate(island, frame, &scratch.local, positions);
+                let Some(frame) = &scratch.frame else { continue };
+                if is_rest {
+                    contacts.separate(&island.contacts, island, frame, &scratch.local, positions);
+                } else {
+                    let shaped = reshaped(island, &scratch.local, vertices);
+                    contacts.separate(&shaped, island, frame, &scratch.local, positions);
                 }
             }
         }
@@ -374,43 +378,6 @@ impl PbdSkin {
             ..Stats::default()
         }
     }
-}
-
-fn build_islands(
-    mesh: &TriangleMesh,
-    skeleton: &Skeleton,
-    weights: &SkinWeights,
-    settings: &PbdSettings,
-    stiffness_shares: Option<&[f32]>,
-    adjacency: &Adjacency,
-) -> Result<Vec<Island>, PbdError> {
-    let Ok(surface) = SurfaceQuery::new(mesh) else {
-        return Ok(Vec::new());
-    };
-    let weights = weights.normalized();
-    let areas = JointAreas::new(mesh, skeleton, &weights, settings.cell_size);
-    let masks = PatchMasks::new(mesh, adjacency, &areas);
-    let winding = WindingNumber::new(mesh);
-    let input = PatchInput {
-        mesh,
-        skeleton,
-        weights: &weights,
-        areas: &areas,
-        masks: &masks,
-        winding: &winding,
-        surface: &surface,
-        adjacency,
-        region: settings.region,
-        stiffness_shares,
-    };
-    let patches: Result<Vec<Vec<Island>>, PbdError> = (0..areas.cell_sizes.len() as u32)
-        .into_par_iter()
-        .map(|patch| build_patch(&input, patch, settings.cell_size))
-        .collect();
-    let mut islands: Vec<Island> = patches?.into_iter().flatten().collect();
-    // The largest first, so that no thread starts it last.
-    islands.sort_by_key(|island| std::cmp::Reverse(island.tetrahedra.len()));
-    Ok(islands)
 }
 
 fn check_count(element: &'static str, expected: usize, given: usize) -> Result<(), SkinningError> {
