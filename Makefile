@@ -22,9 +22,10 @@ demo: zip ## Retarget weights in Blender, and what the PBD skin does; pictures, 
 test: zip ## Run all tests and linters (Rust, Python, inside Blender)
 	@$(VENV_PYTHON) scripts/run_tests.py
 
-bench: wheel ## Measure the spectral solver beside scipy, and what the skin keeps; tables and bench/*.json
+bench: zip ## Measure the spectral solver beside scipy, what the skin keeps and what a frame costs; bench/*.json
 	@$(VENV_PYTHON) bench/spectral.py
 	@$(VENV_PYTHON) bench/skin.py
+	@$(VENV_PYTHON) bench/skin_frames.py
 
 lint: wheel ## Run the formatters' checks, the linters and the type checker alone
 	@$(VENV_PYTHON) scripts/run_tests.py lint

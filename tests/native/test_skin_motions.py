@@ -42,7 +42,9 @@ class Figures:
 
     def check_bounds(self):
         print(f"volume error {self.errors[1] / self.errors[0]:.1%} of plain, ", end="")
-        print(f"crossing pairs {self.crossings[1]} of {self.crossings[0]}, largest change {self.pop:.1f} × median")
+        print(
+            f"crossing pairs {self.crossings[1]} of {self.crossings[0]}, largest change {self.pop:.1f} times the median"
+        )
         assert self.inverted == 0
         assert self.errors[1] <= 0.15 * self.errors[0]
 

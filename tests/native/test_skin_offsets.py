@@ -88,7 +88,7 @@ def test_wrong_arguments_are_named():
     shares[11] = 1.5
     with pytest.raises(ValueError, match=r"shares\[11\] is 1.5; it must be from 0 to 1"):
         skin.solve_offsets(pose, None, shares)
-    with pytest.raises(ValueError, match="the mesh has .* vertices and the shares 3"):
+    with pytest.raises(ValueError, match="vertices and the shares 3"):
         skin.solve_offsets(pose, None, shares[:3])
     with pytest.raises(ValueError, match="1 vertices were given where"):
         skin.solve_offsets(pose, np.zeros((1, 3)))
