@@ -129,16 +129,12 @@ def shape_digest(mesh: bpy.types.Mesh) -> bytes:
     return digest.digest()
 
 
-def skin_line(stats: dict, limited: int, milliseconds: float) -> str:
-    """What a skin consists of and what the last frame took, in one line."""
-    constraints = sum(stats["constraints"].values())
-    parts = [
-        counted(stats["tetrahedra"], "tetrahedron", "tetrahedra"),
-        counted(constraints, "constraint"),
-        f"{milliseconds:.1f} ms per frame",
-    ]
+def skin_lines(stats: dict, limited: int, milliseconds: float) -> list[str]:
+    """What the last frame took and what the skin consists of, line by line."""
+    size = counted(stats["tetrahedra"], "tetrahedron", "tetrahedra")
+    lines = [f"{milliseconds:.1f} ms per frame", f"{size}, {counted(sum(stats['constraints'].values()), 'constraint')}"]
     if limited:
-        parts.append(f"{counted(limited, 'vertex', 'vertices')} limited")
+        lines.append(f"{counted(limited, 'vertex', 'vertices')} limited")
     if stats["inverted"]:
-        parts.append(f"{counted(stats['inverted'], 'tetrahedron', 'tetrahedra')} inverted")
-    return ", ".join(parts)
+        lines.append(f"{counted(stats['inverted'], 'tetrahedron', 'tetrahedra')} inverted")
+    return lines
