@@ -109,8 +109,9 @@ PLACES = {
 }
 
 
+@pytest.mark.parametrize("preserve", [False, True])
 @pytest.mark.parametrize("place", PLACES)
-def test_transforms(place):
+def test_transforms(place, preserve):
     """Object and armature anywhere: the mesh lies on the bones in world space, whatever its own space is."""
     ob, rig = s.limb()
     ob.parent = None
@@ -121,10 +122,12 @@ def test_transforms(place):
     ob.parent = rig
     ob.matrix_parent_inverse = rig_matrix.inverted() @ mesh_matrix
     bpy.context.view_layer.update()
+    ob.modifiers["Armature"].use_deform_preserve_volume = preserve
     s.enable(rig)
     s.bend(rig, 80)
     size = np.abs(np.array(rig_matrix)[:3, :3]).max()
-    np.testing.assert_allclose(s.in_world(ob, s.shown(ob)), s.solved(ob, rig), atol=TOLERANCE * size)
+    wanted = s.solved(ob, rig, skinning="dual_quaternion" if preserve else "linear")
+    np.testing.assert_allclose(s.in_world(ob, s.shown(ob)), wanted, atol=TOLERANCE * size)
 
 
 def test_a_walking_character_does_not_change_its_skin():

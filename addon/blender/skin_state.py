@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 
 from ..core.skin import Skin, SkinStore
-from .placement import Placement
+from .placement import PlacedArmature, Placement
 from .skin_reading import SkinReading
 
 
@@ -29,6 +29,7 @@ class SkinState:
     name: str
     reading: SkinReading | None = None
     place: Placement | None = None
+    placed: PlacedArmature | None = None
     skin: Skin | None = None
     skin_key: str = ""
     configuration: tuple[Any, ...] = ()
