@@ -124,9 +124,7 @@ class BoneMap:
     top first, over which the weight is split by position along it.
     """
 
-    def __new__(
-        cls, source_skeleton: Skeleton, target_skeleton: Skeleton, targets: Sequence[Sequence[int]]
-    ) -> Self:
+    def __new__(cls, source_skeleton: Skeleton, target_skeleton: Skeleton, targets: Sequence[Sequence[int]]) -> Self:
         """Your own map: for each source bone its target bones. Raises ValueError naming the first bad bone."""
     @property
     def targets(self) -> list[list[int]]:
