@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panel in the sidebar of the 3D viewport."""
 
-import textwrap
-
 import bpy
 
 from ..blender.armature import find_armature
@@ -13,6 +11,7 @@ from .landmark_remove import DERMIS_OT_landmark_remove
 from .landmark_show import DERMIS_OT_landmark_show
 from .retarget_weights import DERMIS_OT_retarget_weights
 from .selection import single_target, source_of, targets_of
+from .text import draw_text
 
 
 class DERMIS_UL_landmarks(bpy.types.UIList):
@@ -101,14 +100,6 @@ def _draw_character(layout, title, ob, hint):
         _labelled(layout, "", "No armature", "ERROR")
     else:
         _labelled(layout, "", "Armature of the source", "OUTLINER_OB_ARMATURE")
-
-
-def draw_text(layout, text, context, icon="NONE"):
-    """Text over as many lines as the sidebar's width needs; Blender has no scale without a window."""
-    width = context.region.width if context.region is not None else 300
-    characters = max(20, int(width / (7 * (context.preferences.system.ui_scale or 1.0))))
-    for number, line in enumerate(textwrap.wrap(text, characters)):
-        layout.label(text=line, icon="NONE" if number else icon)
 
 
 def _labelled(layout, title, text, icon):
