@@ -22,7 +22,7 @@ demo: zip ## Retarget weights in Blender, and what the PBD skin does; pictures, 
 test: zip ## Run all tests and linters (Rust, Python, inside Blender)
 	@$(VENV_PYTHON) scripts/run_tests.py
 
-bench: zip ## Measure the spectral solver, the skin, a frame's cost and retargeted weights; tables, bench/*.json and *.png
+bench: zip ## Measure the spectral solver, the skin, its frames and retargeted weights beside others; bench/*.json and *.png
 	@$(VENV_PYTHON) bench/spectral.py
 	@$(VENV_PYTHON) bench/skin.py
 	@$(VENV_PYTHON) bench/skin_frames.py

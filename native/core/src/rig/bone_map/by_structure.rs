@@ -17,6 +17,9 @@ const ENOUGH_PAIRS: usize = 4;
 /// What any other rotation than none has to gain for each bone to be believed.
 const TURNED: f64 = 0.02;
 
+/// Rounds of turning one skeleton to the other by the pairs found, and pairing again, at most.
+const REFINEMENTS: usize = 4;
+
 /// Bones in order may be this much less alike, for each bone, than the likest ones.
 const IN_ORDER: f64 = 0.1;
 
@@ -27,35 +30,36 @@ pub(super) fn map_the_rest(source: &Named<'_>, target: &Named<'_>, entries: &mut
         return;
     }
     let known: Vec<(usize, usize)> =
-        (0..entries.len()).filter_map(|i| entries[i].targets.first().map(|&j| (i, j as usize))).collect();
-    let nearest = nearest_known(from, to, entries);
+        (0..entries.len()).filter_map(|i| Some((i, *entries[i].targets.first()? as usize))).collect();
     let rotations = match rotation_of(from, to, &known) {
         Some(rotation) => vec![rotation],
         None => candidate_rotations(from, to),
     };
+    let trees = [from, to].map(|skeleton| Tree::new(skeleton.parents(), skeleton.depth_order()));
+    let pair = |rotation: DMat3| {
+        let (placed, turned) = (Placed::new(from, DMat3::IDENTITY), Placed::new(to, rotation));
+        let mirrors = Mirror::of_both(Mirror::new(source, &placed), Mirror::new(target, &turned));
+        let views = [View::new(source, placed, mirrors[0]), View::new(target, turned, mirrors[1])];
+        pair_by_place(&views, [from, to], &trees, entries)
+    };
     let mut best: Option<(f64, Vec<(u32, u32)>)> = None;
     for (at, &rotation) in rotations.iter().enumerate() {
-        let placed = Placed::new(from, DMat3::IDENTITY);
-        let turned = Placed::new(to, rotation);
-        let mirrors = Mirror::of_both(Mirror::new(source, &placed), Mirror::new(target, &turned));
-        let seen = View::new(source, placed, mirrors[0]);
-        let other = View::new(target, turned, mirrors[1]);
-        let cost = |i: usize, j: usize| pair_cost(&seen, &other, entries, &nearest, i, j);
-        let tree = |skeleton: &Skeleton| Tree::new(skeleton.parents(), skeleton.depth_order());
-        let (mut pairs, mut total) = match_trees(&tree(from), &tree(to), &cost);
-        if known.is_empty() && from.parents() == to.parents() {
-            let in_order: f64 = (0..entries.len()).map(|i| cost(i, i).min(1.0)).sum();
-            if in_order <= total + IN_ORDER * entries.len() as f64 {
-                pairs = (0..entries.len() as u32).map(|i| (i, i)).collect();
-                total = in_order.min(total);
-            }
-        }
+        let (pairs, mut total) = pair(rotation);
         total += if at == 0 { 0.0 } else { TURNED * entries.len() as f64 };
         if best.as_ref().is_none_or(|found| total < found.0) {
             best = Some((total, pairs));
         }
     }
-    let pairs = best.map_or_else(Vec::new, |found| found.1);
+    let mut pairs = best.map_or_else(Vec::new, |found| found.1);
+    // What was paired tells the rotation better than the first guess did.
+    for _ in 0..if known.is_empty() { REFINEMENTS } else { 0 } {
+        let found: Vec<_> = pairs.iter().map(|&(i, j)| (i as usize, j as usize)).collect();
+        let Some((again, _)) = rotation_of(from, to, &found).map(pair) else { break };
+        if again == pairs {
+            break;
+        }
+        pairs = again;
+    }
     let mut added = vec![false; entries.len()];
     for (i, j) in pairs {
         let entry = &mut entries[i as usize];
@@ -65,6 +69,30 @@ pub(super) fn map_the_rest(source: &Named<'_>, target: &Named<'_>, entries: &mut
         }
     }
     even_out_chains(from, to, entries, &added);
+}
+
+/// Pairs the bones as they are placed. Returns the pairs and how unlike they are.
+fn pair_by_place(
+    views: &[View<'_>; 2],
+    skeletons: [&Skeleton; 2],
+    trees: &[Tree; 2],
+    entries: &[Entry],
+) -> (Vec<(u32, u32)>, f64) {
+    let [seen, other] = views;
+    let [from, to] = skeletons;
+    let named = Anchors::new(from, to, entries.iter().map(|entry| &entry.targets[..]));
+    let first = |i: usize, j: usize| pair_cost(seen, other, entries, &named, i, j);
+    let (pairs, total) = match_trees(&trees[0], &trees[1], &first);
+    if entries.iter().any(|entry| !entry.targets.is_empty()) {
+        return (pairs, total);
+    }
+    if from.parents() == to.parents() {
+        let in_order: f64 = (0..entries.len()).map(|i| first(i, i).min(1.0)).sum();
+        if in_order <= total + IN_ORDER * entries.len() as f64 {
+            return ((0..entries.len() as u32).map(|i| (i, i)).collect(), in_order.min(total));
+        }
+    }
+    (pairs, total)
 }
 
 /// Rotation that takes the target's pairs to the source's, from enough of them.
@@ -80,88 +108,96 @@ fn rotation_of(from: &Skeleton, to: &Skeleton, known: &[(usize, usize)]) -> Opti
     best_rotation(&pairs)
 }
 
-/// For each bone of either skeleton the nearest bone at or above its parent that has a counterpart.
-struct Nearest {
+/// For each bone of either skeleton the nearest bone above it that has a counterpart.
+struct Anchors {
     source: Vec<Option<u32>>,
     target: Vec<Option<u32>>,
+    /// Counterparts of each source bone.
+    partners: Vec<Vec<u32>>,
     taken: Vec<bool>,
 }
 
-fn nearest_known(from: &Skeleton, to: &Skeleton, entries: &[Entry]) -> Nearest {
-    let mut taken = vec![false; to.bone_count()];
-    for &target in entries.iter().flat_map(|entry| &entry.targets) {
-        taken[target as usize] = true;
+impl Anchors {
+    fn new<'a>(from: &Skeleton, to: &Skeleton, partners: impl Iterator<Item = &'a [u32]>) -> Self {
+        let partners: Vec<Vec<u32>> = partners.map(<[u32]>::to_vec).collect();
+        let mut taken = vec![false; to.bone_count()];
+        partners.iter().flatten().for_each(|&target| taken[target as usize] = true);
+        let above = |skeleton: &Skeleton, known: &dyn Fn(u32) -> bool| {
+            let parents = skeleton.parents();
+            let find = |parent: Option<u32>| {
+                std::iter::successors(parent, |&b| parents[b as usize]).find(|&b| known(b))
+            };
+            parents.iter().map(|&parent| find(parent)).collect()
+        };
+        let source = above(from, &|b| !partners[b as usize].is_empty());
+        let target = above(to, &|b| taken[b as usize]);
+        Self { source, target, partners, taken }
     }
-    let above = |skeleton: &Skeleton, known: &dyn Fn(u32) -> bool| {
-        let parents = skeleton.parents();
-        let find =
-            |parent: Option<u32>| std::iter::successors(parent, |&b| parents[b as usize]).find(|&b| known(b));
-        parents.iter().map(|&parent| find(parent)).collect()
-    };
-    let source = above(from, &|b| !entries[b as usize].targets.is_empty());
-    let target = above(to, &|b| taken[b as usize]);
-    Nearest { source, target, taken }
+
+    /// The bones above two bones, when they are a pair.
+    fn of(&self, i: usize, j: usize) -> Option<(usize, usize)> {
+        let (a, b) = (self.source[i]?, self.target[j]?);
+        self.partners[a as usize].contains(&b).then_some((a as usize, b as usize))
+    }
+
+    /// Whether there is no bone with a counterpart above either bone.
+    fn none(&self, i: usize, j: usize) -> bool {
+        self.source[i].is_none() && self.target[j].is_none()
+    }
 }
 
+/// Cost of a pair beside the pairs that names gave.
 fn pair_cost(
     seen: &View<'_>,
     other: &View<'_>,
     entries: &[Entry],
-    nearest: &Nearest,
+    named: &Anchors,
     i: usize,
     j: usize,
 ) -> f64 {
     if let Some(&partner) = entries[i].targets.first() {
         return if partner as usize == j { 0.0 } else { NEVER };
     }
-    if nearest.taken[j] || (seen.is_known(i) && other.is_known(j)) {
+    if named.taken[j] || (seen.is_known(i) && other.is_known(j)) {
         return NEVER;
     }
-    let anchors = match (nearest.source[i], nearest.target[j]) {
-        (Some(a), Some(b)) if entries[a as usize].targets.contains(&b) => Some((a as usize, b as usize)),
-        (None, None) => None,
-        _ => return NEVER,
-    };
+    let anchors = named.of(i, j);
+    if anchors.is_none() && !named.none(i, j) {
+        return NEVER;
+    }
     let cost = unlikeness((seen, i), (other, j), anchors);
     // Among bones that have names, only what lies close together is believed.
     if anchors.is_some() && cost > LEFT_OUT { NEVER } else { cost }
 }
 
-/// Gives limbs of different length to each other by arc length. A limb starts below a bone where
-/// branches part and ends at the next such bone or at its tip; only limbs found by structure
-/// are touched.
+/// Gives bones that were left out between two pairs, or below the last pair of a chain, to each
+/// other by arc length. Only stretches that start at a pair found by structure are touched.
 fn even_out_chains(from: &Skeleton, to: &Skeleton, entries: &mut [Entry], added: &[bool]) {
-    let mapped: Vec<bool> = entries.iter().map(|entry| !entry.targets.is_empty()).collect();
-    let up = |bone: u32| {
-        std::iter::successors(from.parents()[bone as usize], |&b| from.parents()[b as usize])
-            .find(|&b| mapped[b as usize])
-    };
+    let anchors = Anchors::new(from, to, entries.iter().map(|entry| &entry.targets[..]));
     let mut next: Vec<Vec<u32>> = vec![vec![]; entries.len()];
-    for bone in (0..entries.len() as u32).filter(|&b| mapped[b as usize]) {
-        if let Some(above) = up(bone) {
+    for bone in (0..entries.len() as u32).filter(|&bone| !entries[bone as usize].targets.is_empty()) {
+        if let Some(above) = anchors.source[bone as usize] {
             next[above as usize].push(bone);
         }
     }
-    let goes_on = |bone: u32| match next[bone as usize][..] {
-        [only] if added[bone as usize] && added[only as usize] => Some(only),
-        _ => None,
-    };
-    let starts = (0..entries.len() as u32)
-        .filter(|&b| added[b as usize] && up(b).is_none_or(|above| goes_on(above) != Some(b)));
-    let limbs: Vec<Vec<u32>> =
-        starts.map(|start| std::iter::successors(Some(start), |&b| goes_on(b)).collect()).collect();
-    let taken: Vec<bool> = {
-        let mut taken = vec![false; to.bone_count()];
-        entries.iter().flat_map(|entry| &entry.targets).for_each(|&t| taken[t as usize] = true);
-        taken
-    };
-    for limb in limbs {
-        let (first, last) = (limb[0], limb[limb.len() - 1]);
-        let [first_target, last_target] = [first, last].map(|b| entries[b as usize].targets[0]);
-        let is_end = next[last as usize].is_empty();
-        let own = run(from, first, last, is_end, &|b| mapped[b as usize]);
-        let theirs = run(to, first_target, last_target, is_end, &|b| taken[b as usize]);
-        if own.len() == limb.len() && theirs.len() == limb.len() {
+    for start in (0..entries.len() as u32).filter(|&bone| added[bone as usize]) {
+        let start_target = anchors.partners[start as usize][0];
+        let [own, mut theirs] = match next[start as usize][..] {
+            [only] => [
+                path_down(from, start, only),
+                path_down(to, start_target, anchors.partners[only as usize][0]),
+            ],
+            [] => [
+                to_the_tip(from, start, &|b| !anchors.partners[b as usize].is_empty()),
+                to_the_tip(to, start_target, &|b| anchors.taken[b as usize]),
+            ],
+            _ => continue,
+        };
+        if next[start as usize].is_empty() && own.len() == 1 && theirs.len() == 2 {
+            // A single bone below the last one only gives it its tail.
+            theirs.pop();
+        }
+        if own.is_empty() || theirs.is_empty() || own.len() + theirs.len() == 2 {
             continue;
         }
         for (&bone, targets) in own.iter().zip(shared_stretches((from, &own), (to, &theirs))) {
@@ -170,47 +206,27 @@ fn even_out_chains(from: &Skeleton, to: &Skeleton, entries: &mut [Entry], added:
     }
 }
 
-/// Bones of a limb from the bones above its first that no other limb has down to its last, and on
-/// to the tip where the limb ends there.
-fn run(
-    skeleton: &Skeleton,
-    first: u32,
-    last: u32,
-    to_the_tip: bool,
-    known: &dyn Fn(u32) -> bool,
-) -> Vec<u32> {
+/// Bones from one down to before another, which lies below it; empty when it does not.
+fn path_down(skeleton: &Skeleton, top: u32, below: u32) -> Vec<u32> {
     let parents = skeleton.parents();
-    let children = |bone: u32| {
-        let all: Vec<u32> =
-            (0..parents.len() as u32).filter(|&b| parents[b as usize] == Some(bone)).collect();
-        all
-    };
-    let mut bones: Vec<u32> = Vec::new();
-    let mut current = Some(last);
-    while let Some(bone) = current {
-        bones.push(bone);
-        current = if bone == first { None } else { parents[bone as usize] };
-    }
-    // Above the first only bones below a known one that do not branch: a root is no part of a limb.
-    let mut above = Vec::new();
-    let mut current = parents[first as usize];
-    while let Some(bone) = current.filter(|&b| !known(b)) {
-        if children(bone).len() > 1 {
-            break;
+    let mut path: Vec<u32> = Vec::new();
+    for bone in std::iter::successors(parents[below as usize], |&b| parents[b as usize]) {
+        path.push(bone);
+        if bone == top {
+            path.reverse();
+            return path;
         }
-        above.push(bone);
-        current = parents[bone as usize];
     }
-    if current.is_some_and(known) {
-        bones.append(&mut above);
-    }
-    bones.reverse();
-    if to_the_tip {
-        let below = |&bone: &u32| match children(bone)[..] {
-            [only] if !known(only) => Some(only),
-            _ => None,
-        };
-        bones.extend(std::iter::successors(Some(last), below).skip(1));
-    }
-    bones
+    Vec::new()
+}
+
+/// A bone and those without branches below it.
+fn to_the_tip(skeleton: &Skeleton, bone: u32, known: &dyn Fn(u32) -> bool) -> Vec<u32> {
+    let parents = skeleton.parents();
+    let below = |&bone: &u32| {
+        let mut children = (0..parents.len() as u32).filter(|&b| parents[b as usize] == Some(bone));
+        let only = children.next().filter(|_| children.next().is_none());
+        only.filter(|&child| !known(child))
+    };
+    std::iter::successors(Some(bone), below).collect()
 }

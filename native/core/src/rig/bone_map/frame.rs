@@ -15,7 +15,7 @@ pub(super) struct Placed {
 impl Placed {
     /// Turns a skeleton about its middle and scales it to extent 1.
     pub(super) fn new(skeleton: &Skeleton, rotation: DMat3) -> Self {
-        let (middle, extent) = middle_and_extent(skeleton.heads());
+        let (middle, extent) = middle_and_extent(skeleton);
         let place = |p: &DVec3| rotation * ((*p - middle) / extent);
         Self {
             heads: skeleton.heads().iter().map(place).collect(),
@@ -24,18 +24,34 @@ impl Placed {
     }
 }
 
-/// Middle of each coordinate, and the middle distance to that point: far helpers hardly matter.
-fn middle_and_extent(points: &[DVec3]) -> (DVec3, f64) {
-    let axis = |axis: usize| median(points.iter().map(|p| p[axis]).collect());
+/// Middle of each coordinate over the length of all bones, and the middle distance to that point: a
+/// face full of short bones and a helper far away hardly matter.
+fn middle_and_extent(skeleton: &Skeleton) -> (DVec3, f64) {
+    let lengths: Vec<f64> = (0..skeleton.bone_count()).map(|bone| skeleton.length(bone)).collect();
+    // Bones without length still are somewhere.
+    let least = 1e-3 * lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;
+    let weights: Vec<f64> = lengths.iter().map(|length| length.max(least).max(1e-300)).collect();
+    let points: Vec<DVec3> =
+        skeleton.heads().iter().zip(skeleton.tails()).map(|(head, tail)| 0.5 * (*head + *tail)).collect();
+    let axis = |axis: usize| median(points.iter().map(|p| p[axis]).zip(weights.iter().copied()).collect());
     let middle = DVec3::new(axis(0), axis(1), axis(2));
-    let extent = 2.0 * median(points.iter().map(|p| p.distance(middle)).collect());
+    let away = points.iter().map(|p| p.distance(middle)).zip(weights.iter().copied()).collect();
+    let extent = 2.0 * median(away);
     (middle, if extent > 0.0 { extent } else { 1.0 })
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let count = values.len();
-    if count == 0 { 0.0 } else { 0.5 * (values[(count - 1) / 2] + values[count / 2]) }
+/// Value below which half of the weight lies.
+fn median(mut values: Vec<(f64, f64)>) -> f64 {
+    values.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let half = 0.5 * values.iter().map(|value| value.1).sum::<f64>();
+    let mut below = 0.0;
+    for &(value, weight) in &values {
+        below += weight;
+        if below >= half {
+            return value;
+        }
+    }
+    0.0
 }
 
 /// Rotations that may take the target's axes to the source's: none, the other ways to name three
@@ -67,7 +83,7 @@ pub(super) fn candidate_rotations(source: &Skeleton, target: &Skeleton) -> Vec<D
 
 /// Right-handed principal axes of the heads, the longest first.
 fn principal_axes(skeleton: &Skeleton) -> DMat3 {
-    let (middle, extent) = middle_and_extent(skeleton.heads());
+    let (middle, extent) = middle_and_extent(skeleton);
     let mut spread = Matrix3::zeros();
     for head in skeleton.heads() {
         let p = nalgebra::Vector3::from(((*head - middle) / extent).clamp_length_max(2.0).to_array());
@@ -107,7 +123,7 @@ pub(super) fn mirror_axis(placed: &Placed) -> Option<(DVec3, f64)> {
     let heads = &placed.heads;
     let mut best: Option<(f64, DVec3, f64)> = None;
     for axis in DVec3::AXES {
-        let at = median(heads.iter().map(|p| p.dot(axis)).collect());
+        let at = median(heads.iter().map(|p| (p.dot(axis), 1.0)).collect());
         let off = |p: &DVec3| {
             let mirrored = *p + axis * (2.0 * (at - p.dot(axis)));
             heads.iter().map(|q| q.distance(mirrored)).fold(f64::INFINITY, f64::min)

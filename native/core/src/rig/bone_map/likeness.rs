@@ -1,6 +1,6 @@
 //! How unlike two bones are by their place in the tree and in space.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use super::by_name::Named;
 use super::frame::{Placed, mirror_axis};
@@ -11,20 +11,13 @@ use crate::rig::Skeleton;
 /// A bone this near to the plane of symmetry, as a share of the extent, is on neither side.
 const IN_THE_MIDDLE: f64 = 0.04;
 
-/// What a bone is in its tree, whatever the skeleton's size and place.
-#[derive(Debug, Clone, Copy)]
-struct Place {
-    /// Way from the root over the way from the root to the farthest leaf below.
-    depth: f64,
-    /// Leaves below.
-    leaves: f64,
-}
-
 /// One skeleton, seen in the common frame.
 pub(super) struct View<'a> {
     named: &'a Named<'a>,
     placed: Placed,
-    places: Vec<Place>,
+    /// How far down its tree a bone starts: the way from the root over the way from there on to the
+    /// farthest leaf below it.
+    depths: Vec<f64>,
     /// -1 and 1 for the sides, 0 for the middle or where nothing tells.
     sides: Vec<i8>,
 }
@@ -32,9 +25,9 @@ pub(super) struct View<'a> {
 impl<'a> View<'a> {
     /// `mirror` cuts the bones into sides where names do not tell.
     pub(super) fn new(named: &'a Named<'a>, placed: Placed, mirror: Option<Mirror>) -> Self {
-        let places = places(named.skeleton);
+        let depths = depths(named.skeleton);
         let sides = sides(named, &placed, mirror);
-        Self { named, placed, places, sides }
+        Self { named, placed, depths, sides }
     }
 }
 
@@ -81,8 +74,10 @@ impl Mirror {
 }
 
 /// Cost of pairing bone `i` of one view with bone `j` of the other: 0 for bones alike in every
-/// respect, about 1 for bones far apart, [`NEVER`] for a left and a right bone. `anchors` are the
-/// nearest bones above that are paired already: what lies below them is compared from there.
+/// respect, about 1 for bones far apart, [`NEVER`] for a left and a right bone.
+///
+/// `anchors` are bones above both that are paired already: what lies below is compared from there,
+/// with these two laid on each other, so that another pose or other proportions matter less.
 pub(super) fn unlikeness(
     (source, i): (&View<'_>, usize),
     (target, j): (&View<'_>, usize),
@@ -93,20 +88,24 @@ pub(super) fn unlikeness(
     }
     let (a, b) = (&source.placed, &target.placed);
     let (mut from, mut to) = ([a.heads[i], a.tails[i]], [b.heads[j], b.tails[j]]);
-    let lengths = from[0].distance(from[1]).max(to[0].distance(to[1]));
     let mut unit = 1.0;
     if let Some((above_i, above_j)) = anchors {
+        let axes = [a.tails[above_i] - a.heads[above_i], b.tails[above_j] - b.heads[above_j]];
+        let turn = match axes.map(DVec3::try_normalize) {
+            [Some(own), Some(other)] => DQuat::from_rotation_arc(other, own),
+            _ => DQuat::IDENTITY,
+        };
         from = from.map(|p| p - a.heads[above_i]);
-        to = to.map(|p| p - b.heads[above_j]);
+        to = to.map(|p| turn * (p - b.heads[above_j]));
+        let lengths = from[0].distance(from[1]).max(to[0].distance(to[1]));
         unit = from[0].length().max(to[0].length()).max(lengths).max(1e-9);
     }
-    let ends = 0.5 * (from[0].distance(to[0]) + from[1].distance(to[1]));
+    // Tails say less than heads: some formats do not know them.
+    let apart = from[0].distance(to[0]) / unit;
     let direction = |[head, tail]: [DVec3; 2]| (tail - head).normalize_or_zero();
     let turned = 0.5 * (1.0 - direction(from).dot(direction(to)));
-    let (x, y) = (source.places[i], target.places[j]);
-    let leaves = (x.leaves / y.leaves).ln().abs().min(1.5);
     let side = if source.sides[i] == target.sides[j] { 0.0 } else { 0.1 };
-    0.6 * (ends / unit).min(1.5) + 0.1 * turned + 0.2 * (x.depth - y.depth).abs() + 0.15 * leaves + side
+    0.6 * apart.min(1.5) + 0.2 * turned + 0.6 * (source.depths[i] - target.depths[j]).abs() + side
 }
 
 impl View<'_> {
@@ -116,7 +115,7 @@ impl View<'_> {
     }
 }
 
-fn places(skeleton: &Skeleton) -> Vec<Place> {
+fn depths(skeleton: &Skeleton) -> Vec<f64> {
     let count = skeleton.bone_count();
     let step = |bone: usize, parent: u32| skeleton.heads()[bone].distance(skeleton.heads()[parent as usize]);
     let mut above = vec![0.0; count];
@@ -126,22 +125,14 @@ fn places(skeleton: &Skeleton) -> Vec<Place> {
             above[bone] = above[parent as usize] + step(bone, parent);
         }
     }
-    let (mut below, mut leaves) = (vec![0.0f64; count], vec![0.0; count]);
+    let mut below: Vec<f64> = (0..count).map(|bone| skeleton.length(bone)).collect();
     for &bone in skeleton.depth_order().iter().rev() {
-        let b = bone as usize;
-        if leaves[b] == 0.0 {
-            (leaves[b], below[b]) = (1.0, skeleton.length(b));
-        }
-        if let Some(parent) = skeleton.parents()[b] {
-            leaves[parent as usize] += leaves[b];
-            below[parent as usize] = below[parent as usize].max(below[b] + step(b, parent));
+        let bone = bone as usize;
+        if let Some(parent) = skeleton.parents()[bone] {
+            below[parent as usize] = below[parent as usize].max(below[bone] + step(bone, parent));
         }
     }
-    let place = |b: usize| {
-        let whole = above[b] + below[b];
-        Place { depth: if whole > 0.0 { above[b] / whole } else { 0.0 }, leaves: leaves[b] }
-    };
-    (0..count).map(place).collect()
+    above.iter().zip(&below).map(|(above, below)| above / (above + below).max(1e-300)).collect()
 }
 
 fn sides(named: &Named<'_>, placed: &Placed, mirror: Option<Mirror>) -> Vec<i8> {
