@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sizes, up-axes, mirrored objects and loose parts: the weights do not depend on how a scene is made."""
 
+import sys
+
 import bpy
 import characters as c
 import numpy as np
 import pytest
 from mathutils import Euler, Matrix
+from scratch_profile import MODULE
 
 NAMES = ("lower", "middle", "upper")
 LANDMARKS = [(0, 0), (39, 29), (80, 58), (122, 94), (156, 135), (157, 136)]
@@ -96,12 +99,29 @@ def test_target_of_only_loose_parts():
     assert "117 vertices" in target.dermis_retarget.result
 
 
-def test_skeletons_with_nothing_in_common():
+def test_names_without_any_in_common_are_reported_side_by_side():
+    source, _ = c.source_tube()
+    target = c.target_tube()
+    other = {"lower": "root", "middle": "belly", "upper": "crown"}
+    own = c.armature("Own", [(other[n], p and other[p], h, t) for n, p, h, t in c.tube_bones()])
+    c.deform(target, own)
+    c.retarget(source, target)
+    note = "No bone names in common with 'Target', check the bones: "
+    assert note + "'lower' to 'root', 'middle' to 'belly', 'upper' to 'crown'." in target.dermis_retarget.result
+
+
+def test_skeletons_with_nothing_in_common(monkeypatch):
     source, _ = c.source_tube()
     target = c.target_tube()
     own = c.armature("Own", [("only", None, (0, 0, 0), (0, 0, 3))])
     c.deform(target, own)
     before = c.state(target)
+    bones, native = sys.modules[f"{MODULE}.core.bones"], sys.modules["dermis_native"]
+
+    def nothing(_source, _target):
+        raise native.RetargetError("no bone of the source has a counterpart in the target")
+
+    monkeypatch.setattr(bones, "map_bones", nothing)
     names = "'SourceRig' has 'lower', 'middle', 'upper'; 'Own' has 'only'"
     with pytest.raises(RuntimeError, match=f"{names}.*Nothing was changed"):
         c.retarget(source, target)

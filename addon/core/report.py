@@ -52,6 +52,9 @@ def retarget_notes(
         groups = counted(len(source.boneless_groups), "group")
         notes.append(f"{groups} without a bone ignored: {listed(source.boneless_groups)}.")
     for name, value in results.items():
+        if set(value.mapping.counts()) == {"structure"}:
+            pairs = [f"'{pair.source}' to '{pair.target}'" for pair in value.mapping.rows() if pair.target]
+            notes.append(f"No bone names in common with '{name}', check the bones: {_shown(pairs)}.")
         alone = value.mapping.only_in_target
         if alone:
             left = "which kept their weights" if kept else "left without weights"
@@ -59,8 +62,7 @@ def retarget_notes(
         weighted = {source.bones.names[bone] for bone in np.unique(source.weights.bone[source.weights.value > 0])}
         heirs = [f"'{bone}' to '{heir}'" for bone, heir in value.mapping.heirs() if bone in weighted]
         if heirs:
-            shown = ", ".join(heirs[:SHOWN]) + (f" and {len(heirs) - SHOWN} more" if len(heirs) > SHOWN else "")
-            notes.append(f"Bones without a counterpart for '{name}' gave their weight on: {shown}.")
+            notes.append(f"Bones without a counterpart for '{name}' gave their weight on: {_shown(heirs)}.")
     return notes
 
 
@@ -71,6 +73,11 @@ def mapping_line(source: str, target: str, mapping: BoneMapping) -> str:
     if alone:
         counts.append(f"{alone:,} without a counterpart")
     return f"Bones of '{source}' mapped to '{target}': {', '.join(counts)}."
+
+
+def _shown(pairs: list[str]) -> str:
+    """The first pairs, and how many more there are."""
+    return ", ".join(pairs[:SHOWN]) + (f" and {len(pairs) - SHOWN} more" if len(pairs) > SHOWN else "")
 
 
 def _extras(values: list[TargetWeights]) -> list[str]:

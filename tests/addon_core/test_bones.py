@@ -91,6 +91,9 @@ def test_other_names(source, target):
     np.testing.assert_allclose(found.weights.value, plain.weights.value, atol=1e-5)
     np.testing.assert_array_equal(found.weights.bone, plain.weights.bone)
     assert "3 mapped by structure" in retarget_line(source, {"New": found}, 1.0)
+    assert retarget_notes(source, {"New": found}) == [
+        "No bone names in common with 'New', check the bones: 'a' to 'x', 'b' to 'y', 'c' to 'z'."
+    ]
 
 
 def test_list_of_the_target_is_used(source, target):
