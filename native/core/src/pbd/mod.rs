@@ -11,6 +11,7 @@ mod error;
 mod finite_difference;
 mod fit;
 mod island;
+mod lanes;
 mod masks;
 mod patch;
 mod self_collision;

@@ -2,10 +2,12 @@
 
 use glam::{Affine3A, Vec3};
 use nalgebra::Vector3;
+use wide::f32x4;
 
 use super::active::ActivePart;
 use super::contact::{ContactScratch, FoldPlane};
-use super::island::{Island, from_vector, vector};
+use super::island::{Bind, Island};
+use super::lanes::{LANES, Lanes, Particle, load, splat, store};
 use super::{
     EnergyForm, PbdSettings, Start, least_volume_divisor, project_bind, project_energy, project_energy_paper,
     project_stretch, project_volume, signed_volume,
@@ -15,48 +17,65 @@ use crate::skinning::Skinning;
 /// Buffers of one island, kept between frames; what they hold does not matter.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Scratch {
-    /// Positions of the particles, the result.
-    pub positions: Vec<Vector3<f32>>,
-    multipliers: Vec<[f32; 4]>,
-    anchors: Vec<Vector3<f32>>,
+    /// The particles, the result, and one more without mass, which idle lanes name.
+    pub particles: Vec<Particle>,
+    multipliers: Vec<[Lanes; 4]>,
+    anchors: Vec<Vec3>,
     folds: Vec<Option<FoldPlane>>,
     candidates: Vec<Vec3>,
     contact: ContactScratch,
     active: ActivePart,
 }
 
+impl Scratch {
+    /// False where absurd transforms have made the result overflow.
+    pub(super) fn is_finite(&self) -> bool {
+        self.particles.iter().all(|particle| particle.to_array().iter().all(|x| x.is_finite()))
+    }
+
+    /// Tetrahedra that are inside out. Those that the pose does not concern are as in rest.
+    pub(super) fn inverted(&self, island: &Island) -> usize {
+        let idle = island.rest.len() as u32;
+        let inverted = |&batch: &u32| {
+            let corners = &island.tetrahedron_batches.particles[batch as usize];
+            let volumes = signed_volume(load_tetrahedra(&self.particles, corners).0).0.to_array();
+            (0..LANES).filter(|&lane| volumes[lane] <= 0.0 && corners[0][lane] != idle).count()
+        };
+        self.active.tetrahedra.iter().map(inverted).sum()
+    }
+}
+
 /// Solves an island for a pose. `transforms` are relative to the island's frame; the positions are
-/// left in `scratch.positions`, in that frame.
+/// left in `scratch.particles`, in that frame.
 pub(super) fn solve_island(
     island: &Island,
     settings: &PbdSettings,
     transforms: &[Affine3A],
     scratch: &mut Scratch,
 ) {
-    start(island, settings, transforms, &mut scratch.positions);
     scratch.anchors.clear();
     scratch.folds.clear();
     scratch.multipliers.clear();
     if settings.bind > 0.0 {
-        let anchor =
-            |bind: &super::island::Bind| vector(transforms[bind.bone as usize].transform_point3(bind.anchor));
+        let anchor = |bind: &Bind| transforms[bind.bone as usize].transform_point3(bind.anchor);
         scratch.anchors.extend(island.binds.iter().map(anchor));
     }
     if settings.energy > 0.0 {
-        scratch.multipliers.resize(island.tetrahedra.len(), [0.0; 4]);
+        scratch.multipliers.resize(island.tetrahedron_batches.particles.len(), [splat(0.0); 4]);
     }
     if settings.self_collision {
         scratch.folds.extend(island.cage_contacts.iter().map(|contact| contact.fold_plane(transforms)));
     }
     scratch.active.find(island, transforms, &scratch.folds);
+    start(island, settings, transforms, &scratch.active.inverse_masses, &mut scratch.particles);
     for iteration in 0..settings.iterations {
         // Every second sweep runs backwards, so that no end of the island is always served last.
         let backwards = iteration % 2 == 1;
         let progress = iteration as f32 / settings.iterations as f32;
         let stretch =
             if settings.anneal_stretch { settings.stretch * (1.0 - progress) } else { settings.stretch };
-        sweep_stretch(&scratch.active, stretch, backwards, &mut scratch.positions);
-        sweep_volume(island.rest_volume, &scratch.active, settings.volume, backwards, &mut scratch.positions);
+        sweep_stretch(island, stretch, backwards, scratch);
+        sweep_volume(island, settings.volume, backwards, scratch);
         sweep_bind(island, settings.bind, scratch);
         sweep_energy(island, settings, scratch);
         // Before the volumes are nearly right, what seems to touch need not touch.
@@ -66,7 +85,7 @@ pub(super) fn solve_island(
     }
     for sweep in 0..settings.volume_sweeps {
         let backwards = (settings.iterations + sweep) % 2 == 1;
-        sweep_volume(island.rest_volume, &scratch.active, settings.volume, backwards, &mut scratch.positions);
+        sweep_volume(island, settings.volume, backwards, scratch);
         sweep_contacts(island, scratch);
     }
 }
@@ -76,7 +95,8 @@ fn start(
     island: &Island,
     settings: &PbdSettings,
     transforms: &[Affine3A],
-    positions: &mut Vec<Vector3<f32>>,
+    inverse_masses: &[f32],
+    particles: &mut Vec<Particle>,
 ) {
     let linear = match settings.start {
         Start::Linear => true,
@@ -85,83 +105,100 @@ fn start(
     };
     let skinning =
         if linear { Skinning::linear(transforms) } else { Skinning::dual_quaternion(transforms, None) };
-    positions.clear();
-    let particles = island.rest.iter().enumerate();
-    positions.extend(particles.map(|(i, &rest)| vector(skinning.vertex(rest, island.weights.row(i)))));
+    particles.clear();
+    particles.extend(island.rest.iter().zip(inverse_masses).enumerate().map(|(i, (&rest, &mass))| {
+        let skinned = skinning.vertex(rest, island.weights.row(i));
+        f32x4::new([skinned.x, skinned.y, skinned.z, mass])
+    }));
+    particles.push(f32x4::splat(0.0));
 }
 
-fn in_order<T: Copy>(list: &[T], backwards: bool, mut visit: impl FnMut(usize, T)) {
+fn in_order(batches: &[u32], backwards: bool, mut visit: impl FnMut(usize)) {
     if backwards {
-        list.iter().enumerate().rev().for_each(|(i, &item)| visit(i, item));
+        batches.iter().rev().for_each(|&batch| visit(batch as usize));
     } else {
-        list.iter().enumerate().for_each(|(i, &item)| visit(i, item));
+        batches.iter().for_each(|&batch| visit(batch as usize));
     }
 }
 
-fn sweep_stretch(active: &ActivePart, stiffness: f32, backwards: bool, positions: &mut [Vector3<f32>]) {
+fn sweep_stretch(island: &Island, stiffness: f32, backwards: bool, scratch: &mut Scratch) {
     if stiffness <= 0.0 {
         return;
     }
-    let w = &active.inverse_masses;
-    in_order(&active.edges, backwards, |_, ([a, b], rest_length)| {
-        let (a, b) = (a as usize, b as usize);
-        let steps = project_stretch([positions[a], positions[b]], [w[a], w[b]], rest_length, stiffness);
-        positions[a] += steps[0];
-        positions[b] += steps[1];
+    let (particles, stiffness) = (scratch.particles.as_mut_slice(), splat(stiffness));
+    in_order(&scratch.active.edges, backwards, |batch| {
+        let [a, b] = &island.edge_batches.particles[batch];
+        let ((p, w), (q, v)) = (load(particles, a), load(particles, b));
+        let steps = project_stretch([p, q], [w, v], island.rest_lengths[batch][0], stiffness);
+        store(particles, a, p + steps[0], w);
+        store(particles, b, q + steps[1], v);
     });
 }
 
-fn sweep_volume(
-    rest_volume: f32,
-    active: &ActivePart,
-    stiffness: f32,
-    backwards: bool,
-    positions: &mut [Vector3<f32>],
-) {
+#[inline]
+fn load_tetrahedra(particles: &[Particle], corners: &[[u32; LANES]; 4]) -> ([Vector3<Lanes>; 4], [Lanes; 4]) {
+    let ((a, s), (b, t)) = (load(particles, &corners[0]), load(particles, &corners[1]));
+    let ((c, u), (d, v)) = (load(particles, &corners[2]), load(particles, &corners[3]));
+    ([a, b, c, d], [s, t, u, v])
+}
+
+fn sweep_volume(island: &Island, stiffness: f32, backwards: bool, scratch: &mut Scratch) {
     if stiffness <= 0.0 {
         return;
     }
-    let w = &active.inverse_masses;
-    let least_divisor = least_volume_divisor(rest_volume);
-    in_order(&active.tetrahedra, backwards, |_, corners| {
-        let c = corners.map(|corner| corner as usize);
-        let (p, masses) = (c.map(|i| positions[i]), c.map(|i| w[i]));
-        let steps = project_volume(p, masses, rest_volume, least_divisor, stiffness);
-        for (corner, step) in c.into_iter().zip(steps) {
-            positions[corner] += step;
+    let (particles, stiffness) = (scratch.particles.as_mut_slice(), splat(stiffness));
+    let rest_volume = splat(island.rest_volume);
+    let least_divisor = splat(least_volume_divisor(island.rest_volume));
+    in_order(&scratch.active.tetrahedra, backwards, |batch| {
+        let corners = &island.tetrahedron_batches.particles[batch];
+        let (p, w) = load_tetrahedra(particles, corners);
+        let steps = project_volume(p, w, rest_volume, least_divisor, stiffness);
+        for k in 0..4 {
+            store(particles, &corners[k], p[k] + steps[k], w[k]);
         }
     });
 }
 
 fn sweep_bind(island: &Island, stiffness: f32, scratch: &mut Scratch) {
-    let Scratch { positions, anchors, active, .. } = scratch;
+    let Scratch { particles, anchors, active, .. } = scratch;
     for (bind, &anchor) in island.binds.iter().zip(anchors.iter()) {
         let particle = bind.particle as usize;
         // A heavier particle, where the island ends, follows less.
         let stiffness = stiffness * active.inverse_masses[particle];
-        let step = project_bind(positions[particle], anchor, bind.rest_length, stiffness);
-        positions[particle] += step;
+        let vector = |v: Vec3| Vector3::from(v.to_array());
+        let [x, y, z, _] = particles[particle].to_array();
+        let step = project_bind(Vector3::new(x, y, z), vector(anchor), bind.rest_length, stiffness);
+        particles[particle] += f32x4::new([step.x, step.y, step.z, 0.0]);
     }
 }
 
 fn sweep_energy(island: &Island, settings: &PbdSettings, scratch: &mut Scratch) {
-    let stiffness = settings.energy * settings.stiffness;
-    let (w, positions) = (&scratch.active.inverse_masses, &mut scratch.positions);
-    let springs = island.tetrahedra.iter().zip(&island.spring_lengths);
-    for (index, ((corners, &lengths), multipliers)) in springs.zip(&mut scratch.multipliers).enumerate() {
-        let share = island.stiffness_shares.get(index).copied().unwrap_or(1.0);
-        let compliance = (stiffness * share).recip() + LEAST_COMPLIANCE;
-        let c = corners.map(|corner| corner as usize);
-        let (mut p, masses) = (c.map(|i| positions[i]), c.map(|i| w[i]));
+    if settings.energy <= 0.0 {
+        return;
+    }
+    let Scratch { particles, multipliers, active, .. } = scratch;
+    let one = splat(1.0);
+    let compliance = |batch: usize| {
+        let share = island.stiffness_shares.get(batch).map_or(one, |[share]| *share);
+        one / (splat(settings.energy * settings.stiffness) * share) + splat(LEAST_COMPLIANCE)
+    };
+    in_order(&active.tetrahedra, false, |batch| {
+        let corners = &island.tetrahedron_batches.particles[batch];
+        let (mut p, w) = load_tetrahedra(particles, corners);
+        let lengths = island.spring_lengths[batch];
         match settings.energy_form {
-            EnergyForm::Compliant => project_energy(&mut p, masses, lengths, compliance, multipliers),
+            EnergyForm::Compliant => {
+                project_energy(&mut p, w, lengths, compliance(batch), &mut multipliers[batch]);
+            }
             EnergyForm::Paper => {
-                let steps = project_energy_paper(p, masses, lengths);
-                p.iter_mut().zip(steps).for_each(|(p, step)| *p += step * settings.energy);
+                let steps = project_energy_paper(p, w, lengths);
+                p.iter_mut().zip(steps).for_each(|(p, step)| *p += step * splat(settings.energy));
             }
         }
-        c.into_iter().zip(p).for_each(|(i, p)| positions[i] = p);
-    }
+        for k in 0..4 {
+            store(particles, &corners[k], p[k], w[k]);
+        }
+    });
 }
 
 /// Springs stiffer than this do not converge in a handful of iterations, and what has not converged
@@ -170,18 +207,18 @@ const LEAST_COMPLIANCE: f32 = 0.75;
 
 /// Pushes contact vertices back through the corners of the tetrahedra that hold them.
 fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
-    let Scratch { positions, folds, candidates, contact: found, active, .. } = scratch;
+    let Scratch { particles, folds, candidates, contact: found, active, .. } = scratch;
     for (contact, fold) in island.cage_contacts.iter().zip(folds) {
         let Some(fold) = fold else { continue };
         candidates.clear();
         let points = contact.vertices.iter().map(|vertex| &island.surface[vertex.point as usize]);
-        candidates.extend(points.map(|point| from_vector(point.position(positions))));
+        candidates.extend(points.map(|point| point.position(particles)));
         contact.pushes(fold, candidates, found);
         for push in &found.pushes {
             let candidate = push.candidate as usize;
             let point = &island.surface[contact.vertices[candidate].point as usize];
             // Pushes before this one may have moved the same corners.
-            let moved = from_vector(point.position(positions)) - candidates[candidate];
+            let moved = point.position(particles) - candidates[candidate];
             let length = push.offset.length();
             let left = length - moved.dot(push.offset) / length;
             let corners = point.corners.map(|corner| corner as usize);
@@ -190,9 +227,10 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
             let mass: f32 = (0..4).map(|k| w[k] * b[k] * b[k]).sum();
             // Where little is free, most of a push would move a corner far: leave it to the surface.
             if left > 0.0 && mass > LEAST_CONTACT_MASS {
-                let step = vector(push.offset) * (left / (length * mass));
+                let step = push.offset * (left / (length * mass));
                 for k in 0..4 {
-                    positions[corners[k]] += step * (w[k] * b[k]);
+                    let step = step * (w[k] * b[k]);
+                    particles[corners[k]] += f32x4::new([step.x, step.y, step.z, 0.0]);
                 }
             }
         }
@@ -202,9 +240,3 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
 /// Smallest Σ w b² of a tetrahedron that takes a push; a quarter when all four corners are free
 /// and share alike.
 const LEAST_CONTACT_MASS: f32 = 0.05;
-
-/// Tetrahedra that are inside out.
-pub(super) fn inverted(island: &Island, positions: &[Vector3<f32>]) -> usize {
-    let volume = |corners: &[u32; 4]| signed_volume(corners.map(|corner| positions[corner as usize]));
-    island.tetrahedra.iter().filter(|corners| volume(corners) <= 0.0).count()
-}
