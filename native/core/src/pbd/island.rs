@@ -5,8 +5,9 @@ use glam::{Affine3A, DVec3, Mat3A, Vec3};
 use wide::f32x4;
 
 use super::active::is_still;
+use super::batches::Batches;
 use super::contact::JointContact;
-use super::lanes::{Batches, Lanes, Particle};
+use super::lanes::{BATCH, Particle};
 use crate::skinning::SkinWeights;
 
 /// A particle's anchor on its nearest bone.
@@ -32,16 +33,16 @@ pub(super) struct Island {
     pub edges: Vec<[u32; 2]>,
     pub edge_batches: Batches<2>,
     /// Rest lengths of the edges in each batch.
-    pub rest_lengths: Vec<[Lanes; 1]>,
+    pub rest_lengths: Vec<[[f32; BATCH]; 1]>,
     /// Tetrahedra, every one with a free corner.
     pub tetrahedra: Vec<[u32; 4]>,
     pub tetrahedron_batches: Batches<4>,
     /// Rest volume, the same for all of them.
     pub rest_volume: f32,
     /// Distances of the corners from the barycentre in rest, for the tetrahedra of each batch.
-    pub spring_lengths: Vec<[Lanes; 4]>,
+    pub spring_lengths: Vec<[[f32; BATCH]; 4]>,
     /// Shares of the stiffness in the tetrahedra of each batch; empty where it is 1 everywhere.
-    pub stiffness_shares: Vec<[Lanes; 1]>,
+    pub stiffness_shares: Vec<[[f32; BATCH]; 1]>,
     pub binds: Vec<Bind>,
     /// Contact candidates that push the cage, joint by joint.
     pub cage_contacts: Vec<JointContact>,

@@ -5,10 +5,10 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use glam::DVec3;
 
 use super::areas::{JointArea, JointAreas};
+use super::batches::Batches;
 use super::contact_setup::joint_contacts;
 use super::fit::cage_fit;
 use super::island::{Bind, Island, SurfacePoint, spring_lengths};
-use super::lanes::Batches;
 use super::masks::{PatchMasks, geodesic_distances};
 use super::stiffness::{particle_shares, tetrahedron_share};
 use super::{PbdError, Region};

@@ -7,7 +7,7 @@ use wide::f32x4;
 use super::active::ActivePart;
 use super::contact::{ContactScratch, FoldPlane};
 use super::island::{Bind, Island};
-use super::lanes::{LANES, Lanes, Particle, load, splat, store};
+use super::lanes::{BATCH, Lanes, OnLanes, Particle, Portable, on_widest_lanes};
 use super::{
     EnergyForm, PbdSettings, Start, least_volume_divisor, project_bind, project_energy, project_energy_paper,
     project_stretch, project_volume, signed_volume,
@@ -19,7 +19,7 @@ use crate::skinning::Skinning;
 pub(super) struct Scratch {
     /// The particles, the result, and one more without mass, which idle lanes name.
     pub particles: Vec<Particle>,
-    multipliers: Vec<[Lanes; 4]>,
+    multipliers: Vec<[[f32; BATCH]; 4]>,
     anchors: Vec<Vec3>,
     folds: Vec<Option<FoldPlane>>,
     candidates: Vec<Vec3>,
@@ -38,8 +38,11 @@ impl Scratch {
         let idle = island.rest.len() as u32;
         let inverted = |&batch: &u32| {
             let corners = &island.tetrahedron_batches.particles[batch as usize];
-            let volumes = signed_volume(load_tetrahedra(&self.particles, corners).0).0.to_array();
-            (0..LANES).filter(|&lane| volumes[lane] <= 0.0 && corners[0][lane] != idle).count()
+            let volumes = |part: usize| {
+                signed_volume(load_tetrahedra(Portable, &self.particles, corners, part).0).to_array()
+            };
+            let volumes = (0..Portable::PARTS).flat_map(volumes);
+            volumes.zip(corners[0]).filter(|&(volume, corner)| volume <= 0.0 && corner != idle).count()
         };
         self.active.tetrahedra.iter().map(inverted).sum()
     }
@@ -61,7 +64,7 @@ pub(super) fn solve_island(
         scratch.anchors.extend(island.binds.iter().map(anchor));
     }
     if settings.energy > 0.0 {
-        scratch.multipliers.resize(island.tetrahedron_batches.particles.len(), [splat(0.0); 4]);
+        scratch.multipliers.resize(island.tetrahedron_batches.particles.len(), [[0.0; BATCH]; 4]);
     }
     if settings.self_collision {
         scratch.folds.extend(island.cage_contacts.iter().map(|contact| contact.fold_plane(transforms)));
@@ -113,50 +116,94 @@ fn start(
     particles.push(f32x4::splat(0.0));
 }
 
-fn in_order(batches: &[u32], backwards: bool, mut visit: impl FnMut(usize)) {
-    if backwards {
-        batches.iter().rev().for_each(|&batch| visit(batch as usize));
-    } else {
-        batches.iter().for_each(|&batch| visit(batch as usize));
+/// The batch that is served at a step of a sweep.
+#[inline(always)]
+fn batch_at(batches: &[u32], step: usize, backwards: bool) -> usize {
+    batches[if backwards { batches.len() - 1 - step } else { step }] as usize
+}
+
+struct StretchSweep<'a> {
+    island: &'a Island,
+    active: &'a ActivePart,
+    particles: &'a mut [Particle],
+    stiffness: f32,
+    backwards: bool,
+}
+
+impl OnLanes for StretchSweep<'_> {
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { island, particles, .. } = self;
+        let stiffness = lanes.splat(self.stiffness);
+        for step in 0..self.active.edges.len() {
+            let batch = batch_at(&self.active.edges, step, self.backwards);
+            let [a, b] = &island.edge_batches.particles[batch];
+            for part in 0..L::PARTS {
+                let ((p, w), (q, v)) = (lanes.load(particles, a, part), lanes.load(particles, b, part));
+                let rest_length = lanes.read(&island.rest_lengths[batch][0], part);
+                let steps = project_stretch([p, q], [w, v], rest_length, stiffness);
+                lanes.store(particles, a, part, p + steps[0], w);
+                lanes.store(particles, b, part, q + steps[1], v);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn load_tetrahedra<L: Lanes>(
+    lanes: L,
+    particles: &[Particle],
+    corners: &[[u32; BATCH]; 4],
+    part: usize,
+) -> ([Vector3<L::Real>; 4], [L::Real; 4]) {
+    let (a, s) = lanes.load(particles, &corners[0], part);
+    let (b, t) = lanes.load(particles, &corners[1], part);
+    let (c, u) = lanes.load(particles, &corners[2], part);
+    let (d, v) = lanes.load(particles, &corners[3], part);
+    ([a, b, c, d], [s, t, u, v])
+}
+
+struct VolumeSweep<'a> {
+    island: &'a Island,
+    active: &'a ActivePart,
+    particles: &'a mut [Particle],
+    stiffness: f32,
+    backwards: bool,
+}
+
+impl OnLanes for VolumeSweep<'_> {
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { island, particles, .. } = self;
+        let stiffness = lanes.splat(self.stiffness);
+        let rest_volume = lanes.splat(island.rest_volume);
+        let least_divisor = lanes.splat(least_volume_divisor(island.rest_volume));
+        for step in 0..self.active.tetrahedra.len() {
+            let batch = batch_at(&self.active.tetrahedra, step, self.backwards);
+            let corners = &island.tetrahedron_batches.particles[batch];
+            for part in 0..L::PARTS {
+                let (p, w) = load_tetrahedra(lanes, particles, corners, part);
+                let steps = project_volume(p, w, rest_volume, least_divisor, stiffness);
+                for k in 0..4 {
+                    lanes.store(particles, &corners[k], part, p[k] + steps[k], w[k]);
+                }
+            }
+        }
     }
 }
 
 fn sweep_stretch(island: &Island, stiffness: f32, backwards: bool, scratch: &mut Scratch) {
-    if stiffness <= 0.0 {
-        return;
+    if stiffness > 0.0 {
+        let Scratch { active, particles, .. } = scratch;
+        on_widest_lanes(StretchSweep { island, active, particles, stiffness, backwards });
     }
-    let (particles, stiffness) = (scratch.particles.as_mut_slice(), splat(stiffness));
-    in_order(&scratch.active.edges, backwards, |batch| {
-        let [a, b] = &island.edge_batches.particles[batch];
-        let ((p, w), (q, v)) = (load(particles, a), load(particles, b));
-        let steps = project_stretch([p, q], [w, v], island.rest_lengths[batch][0], stiffness);
-        store(particles, a, p + steps[0], w);
-        store(particles, b, q + steps[1], v);
-    });
-}
-
-#[inline]
-fn load_tetrahedra(particles: &[Particle], corners: &[[u32; LANES]; 4]) -> ([Vector3<Lanes>; 4], [Lanes; 4]) {
-    let ((a, s), (b, t)) = (load(particles, &corners[0]), load(particles, &corners[1]));
-    let ((c, u), (d, v)) = (load(particles, &corners[2]), load(particles, &corners[3]));
-    ([a, b, c, d], [s, t, u, v])
 }
 
 fn sweep_volume(island: &Island, stiffness: f32, backwards: bool, scratch: &mut Scratch) {
-    if stiffness <= 0.0 {
-        return;
+    if stiffness > 0.0 {
+        let Scratch { active, particles, .. } = scratch;
+        on_widest_lanes(VolumeSweep { island, active, particles, stiffness, backwards });
     }
-    let (particles, stiffness) = (scratch.particles.as_mut_slice(), splat(stiffness));
-    let rest_volume = splat(island.rest_volume);
-    let least_divisor = splat(least_volume_divisor(island.rest_volume));
-    in_order(&scratch.active.tetrahedra, backwards, |batch| {
-        let corners = &island.tetrahedron_batches.particles[batch];
-        let (p, w) = load_tetrahedra(particles, corners);
-        let steps = project_volume(p, w, rest_volume, least_divisor, stiffness);
-        for k in 0..4 {
-            store(particles, &corners[k], p[k] + steps[k], w[k]);
-        }
-    });
 }
 
 fn sweep_bind(island: &Island, stiffness: f32, scratch: &mut Scratch) {
@@ -172,33 +219,69 @@ fn sweep_bind(island: &Island, stiffness: f32, scratch: &mut Scratch) {
     }
 }
 
-fn sweep_energy(island: &Island, settings: &PbdSettings, scratch: &mut Scratch) {
-    if settings.energy <= 0.0 {
-        return;
+#[inline(always)]
+fn read_four<L: Lanes>(lanes: L, numbers: &[[f32; BATCH]; 4], part: usize) -> [L::Real; 4] {
+    [
+        lanes.read(&numbers[0], part),
+        lanes.read(&numbers[1], part),
+        lanes.read(&numbers[2], part),
+        lanes.read(&numbers[3], part),
+    ]
+}
+
+struct EnergySweep<'a> {
+    island: &'a Island,
+    active: &'a ActivePart,
+    particles: &'a mut [Particle],
+    multipliers: &'a mut [[[f32; BATCH]; 4]],
+    settings: &'a PbdSettings,
+}
+
+impl OnLanes for EnergySweep<'_> {
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { island, particles, multipliers, settings, .. } = self;
+        let (one, strength) = (lanes.splat(1.0), lanes.splat(settings.energy));
+        for &batch in &self.active.tetrahedra {
+            let batch = batch as usize;
+            let corners = &island.tetrahedron_batches.particles[batch];
+            for part in 0..L::PARTS {
+                let (mut p, w) = load_tetrahedra(lanes, particles, corners, part);
+                let lengths = read_four(lanes, &island.spring_lengths[batch], part);
+                match settings.energy_form {
+                    EnergyForm::Compliant => {
+                        let mut stiffness = lanes.splat(settings.energy * settings.stiffness);
+                        if let Some([share]) = island.stiffness_shares.get(batch) {
+                            stiffness *= lanes.read(share, part);
+                        }
+                        let compliance = one / stiffness + lanes.splat(LEAST_COMPLIANCE);
+                        let kept = &mut multipliers[batch];
+                        let mut sums = read_four(lanes, kept, part);
+                        project_energy(&mut p, w, lengths, compliance, &mut sums);
+                        for spring in 0..4 {
+                            lanes.write(&mut kept[spring], part, sums[spring]);
+                        }
+                    }
+                    EnergyForm::Paper => {
+                        let steps = project_energy_paper(p, w, lengths);
+                        for k in 0..4 {
+                            p[k] += steps[k] * strength;
+                        }
+                    }
+                }
+                for k in 0..4 {
+                    lanes.store(particles, &corners[k], part, p[k], w[k]);
+                }
+            }
+        }
     }
-    let Scratch { particles, multipliers, active, .. } = scratch;
-    let one = splat(1.0);
-    let compliance = |batch: usize| {
-        let share = island.stiffness_shares.get(batch).map_or(one, |[share]| *share);
-        one / (splat(settings.energy * settings.stiffness) * share) + splat(LEAST_COMPLIANCE)
-    };
-    in_order(&active.tetrahedra, false, |batch| {
-        let corners = &island.tetrahedron_batches.particles[batch];
-        let (mut p, w) = load_tetrahedra(particles, corners);
-        let lengths = island.spring_lengths[batch];
-        match settings.energy_form {
-            EnergyForm::Compliant => {
-                project_energy(&mut p, w, lengths, compliance(batch), &mut multipliers[batch]);
-            }
-            EnergyForm::Paper => {
-                let steps = project_energy_paper(p, w, lengths);
-                p.iter_mut().zip(steps).for_each(|(p, step)| *p += step * splat(settings.energy));
-            }
-        }
-        for k in 0..4 {
-            store(particles, &corners[k], p[k], w[k]);
-        }
-    });
+}
+
+fn sweep_energy(island: &Island, settings: &PbdSettings, scratch: &mut Scratch) {
+    if settings.energy > 0.0 {
+        let Scratch { active, particles, multipliers, .. } = scratch;
+        on_widest_lanes(EnergySweep { island, active, particles, multipliers, settings });
+    }
 }
 
 /// Springs stiffer than this do not converge in a handful of iterations, and what has not converged
