@@ -7,7 +7,7 @@ use super::contact::FoldPlane;
 use super::island::{Island, STILL};
 
 /// Rings of tetrahedra that are solved around what has moved.
-const RINGS: usize = 6;
+const RINGS: usize = 4;
 
 /// Constraints of the concerned part, and the inverse masses that hold everything else.
 #[derive(Debug, Clone, Default)]

@@ -13,15 +13,15 @@ pub(super) struct Batches<const K: usize> {
 
 impl<const K: usize> Batches<K> {
     /// Puts each constraint into the first batch with room after all batches that hold one of its
-    /// particles. So whatever shares a particle is still projected in the order given, and the result
-    /// is that of one constraint after the other; an order that runs through space leaves more than
-    /// enough that shares none. `idle` is a particle without mass: idle lanes name it.
+    /// particles: the result is that of one constraint after the other, in the order of
+    /// [`shuffled`]. `idle` is a particle without mass: idle lanes name it.
     pub(super) fn new(constraints: &[[u32; K]], idle: u32) -> Self {
         let mut batches = Self::default();
         // First batch after those of each particle, and the first one with room from each batch on.
         let mut after = vec![0u32; idle as usize];
         let mut with_room: Vec<u32> = Vec::new();
-        for (index, corners) in (0..).zip(constraints) {
+        for index in shuffled(constraints, idle) {
+            let corners = &constraints[index as usize];
             let earliest = corners.iter().map(|&corner| after[corner as usize]).max().unwrap_or(0);
             let batch = first_with_room(&mut with_room, earliest);
             if batch as usize == batches.members.len() {
@@ -60,6 +60,35 @@ impl<const K: usize> Batches<K> {
         let is_free = |corners: &[[u32; BATCH]; K]| corners.iter().flatten().any(|&c| free[c as usize]);
         found.extend((0..).zip(&self.particles).filter(|(_, corners)| is_free(corners)).map(|(i, _)| i));
     }
+}
+
+/// Constraints that are shuffled together, at most.
+const LARGEST_WINDOW: usize = 256;
+/// Windows that an island has at least.
+const WINDOWS: usize = 20;
+
+/// An order of the constraints. One that runs through space, as the one given does, carries a
+/// change through the whole island in one sweep, but what follows each other shares particles and
+/// has to wait. So neighbours are shuffled within windows: by colours, which share none.
+fn shuffled<const K: usize>(constraints: &[[u32; K]], idle: u32) -> Vec<u32> {
+    let window = (constraints.len() / WINDOWS).clamp(1, LARGEST_WINDOW);
+    let mut taken = vec![0u128; idle as usize];
+    let mut order = Vec::with_capacity(constraints.len());
+    for (start, members) in (0..).step_by(window).zip(constraints.chunks(window)) {
+        let mut coloured: Vec<(u32, u32)> = Vec::with_capacity(window);
+        for (index, corners) in (start..).zip(members) {
+            let around = corners.iter().fold(0, |around, &corner| around | taken[corner as usize]);
+            // A tetrahedron of the lattice has fewer than 93 neighbours. More than there are colours
+            // share the last one, and wait for each other.
+            let colour = around.trailing_ones().min(u128::BITS - 1);
+            corners.iter().for_each(|&corner| taken[corner as usize] |= 1 << colour);
+            coloured.push((colour, index));
+        }
+        members.iter().flatten().for_each(|&corner| taken[corner as usize] = 0);
+        coloured.sort_unstable();
+        order.extend(coloured.into_iter().map(|(_, index)| index));
+    }
+    order
 }
 
 /// First batch from `start` on that has room: a full one refers to the next, and chains of them are
@@ -111,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn what_shares_a_particle_stays_in_order() {
+    fn what_shares_a_particle_is_projected_in_the_shuffled_order() {
         // Pairs all over a row, so that some share a particle and most do not.
         let pairs: Vec<[u32; 2]> = (0..200).map(|i| [i * 7 % 50, 50 + i * 11 % 50]).collect();
         let batches = Batches::new(&pairs, 100);
@@ -119,14 +148,41 @@ mod tests {
         for (batch, members) in batches.members.iter().enumerate() {
             members.iter().flatten().for_each(|&index| batch_of[index as usize] = batch);
         }
-        for (later, pair) in pairs.iter().enumerate() {
-            for (earlier, other) in pairs[..later].iter().enumerate() {
+        let order: Vec<usize> = shuffled(&pairs, 100).into_iter().map(|index| index as usize).collect();
+        for (rank, &later) in order.iter().enumerate() {
+            for &earlier in &order[..rank] {
+                let (pair, other) = (pairs[later], pairs[earlier]);
                 if pair[0] == other[0] || pair[1] == other[1] {
                     assert!(batch_of[earlier] < batch_of[later], "{earlier} {later}");
                 }
             }
         }
-        assert!(batches.particles.len() < 60, "{} batches", batches.particles.len());
+        assert!(
+            batches.particles.len() < 35,
+            "{} batches for {} pairs",
+            batches.particles.len(),
+            pairs.len()
+        );
+    }
+
+    #[test]
+    fn shuffling_stays_within_windows_and_puts_apart_what_shares_a_particle() {
+        let constraints = triples(6000);
+        let order = shuffled(&constraints, 6002);
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        assert_eq!(sorted, Vec::from_iter(0..6000));
+        let moved = |(place, &index): (usize, &u32)| place.abs_diff(index as usize);
+        assert!(order.iter().enumerate().map(moved).max().unwrap() < LARGEST_WINDOW);
+        let near = order.windows(2).filter(|pair| pair[0].abs_diff(pair[1]) < 3).count();
+        assert!(near < 100, "{near}");
+    }
+
+    #[test]
+    fn crowded_particles_do_not_run_out_of_batches() {
+        let batches = Batches::new(&vec![[0, 1]; 6000], 2);
+        assert_eq!(batches.members.iter().flatten().flatten().count(), 6000);
+        assert_eq!(batches.particles.len(), 6000);
     }
 
     #[test]

@@ -23,6 +23,10 @@ pub(super) struct Scratch {
     anchors: Vec<Vec3>,
     folds: Vec<Option<FoldPlane>>,
     candidates: Vec<Vec3>,
+    /// Candidates of each fold that can come into contact.
+    near: Vec<Vec<u32>>,
+    /// True once [`Self::near`] is that of this pose.
+    listed: bool,
     contact: ContactScratch,
     active: ActivePart,
 }
@@ -71,6 +75,7 @@ pub(super) fn solve_island(
     }
     scratch.active.find(island, transforms, &scratch.folds);
     start(island, settings, transforms, &scratch.active.inverse_masses, &mut scratch.particles);
+    scratch.listed = false;
     for iteration in 0..settings.iterations {
         // Every second sweep runs backwards, so that no end of the island is always served last.
         let backwards = iteration % 2 == 1;
@@ -288,20 +293,40 @@ fn sweep_energy(island: &Island, settings: &PbdSettings, scratch: &mut Scratch) 
 /// looks softer: stiffness saturates here instead.
 const LEAST_COMPLIANCE: f32 = 0.75;
 
-/// Pushes contact vertices back through the corners of the tetrahedra that hold them.
-fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
-    let Scratch { particles, folds, candidates, contact: found, active, .. } = scratch;
-    for (contact, fold) in island.cage_contacts.iter().zip(folds) {
+/// Lists the candidates of each fold that can come into contact in the sweeps to come.
+fn list_near(island: &Island, scratch: &mut Scratch) {
+    let Scratch { particles, folds, candidates, near, .. } = scratch;
+    near.resize_with(folds.len(), Vec::new);
+    for ((contact, fold), near) in island.cage_contacts.iter().zip(folds).zip(near) {
         let Some(fold) = fold else { continue };
         candidates.clear();
         let points = contact.vertices.iter().map(|vertex| &island.surface[vertex.point as usize]);
         candidates.extend(points.map(|point| point.position(particles)));
-        contact.pushes(fold, candidates, found);
+        contact.list_near(fold, candidates, near);
+    }
+}
+
+/// Pushes contact vertices back through the corners of the tetrahedra that hold them.
+fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
+    if !scratch.listed {
+        list_near(island, scratch);
+        scratch.listed = true;
+    }
+    let Scratch { particles, folds, candidates, near, contact: found, active, .. } = scratch;
+    for ((contact, fold), near) in island.cage_contacts.iter().zip(folds).zip(near) {
+        let Some(fold) = fold else { continue };
+        if near.is_empty() {
+            continue;
+        }
+        let point_of =
+            |listed: usize| &island.surface[contact.vertices[near[listed] as usize].point as usize];
+        candidates.clear();
+        candidates.extend((0..near.len()).map(|listed| point_of(listed).position(particles)));
+        contact.pushes(fold, near, candidates, found);
         for push in &found.pushes {
-            let candidate = push.candidate as usize;
-            let point = &island.surface[contact.vertices[candidate].point as usize];
+            let point = point_of(push.listed as usize);
             // Pushes before this one may have moved the same corners.
-            let moved = point.position(particles) - candidates[candidate];
+            let moved = point.position(particles) - candidates[push.listed as usize];
             let length = push.offset.length();
             let left = length - moved.dot(push.offset) / length;
             let corners = point.corners.map(|corner| corner as usize);
