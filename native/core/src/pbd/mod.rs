@@ -27,6 +27,8 @@ mod stats;
 mod stiffness;
 mod stretch;
 mod surface_contact;
+mod sweeps;
+mod untangle;
 mod volume;
 
 pub use areas::{JointArea, JointAreas};

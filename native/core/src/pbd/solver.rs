@@ -7,11 +7,10 @@ use wide::f32x4;
 use super::active::ActivePart;
 use super::contact::{ContactScratch, FoldPlane};
 use super::island::{Bind, Island};
-use super::lanes::{BATCH, Lanes, OnLanes, Particle, Portable, on_widest_lanes};
-use super::{
-    EnergyForm, PbdSettings, Start, least_volume_divisor, project_bind, project_energy, project_energy_paper,
-    project_stretch, project_volume, signed_volume,
-};
+use super::lanes::{BATCH, Particle, on_widest_lanes};
+use super::sweeps::{EnergySweep, StretchSweep, VolumeSweep};
+use super::untangle::{count_inverted, untangle};
+use super::{PbdSettings, Start, project_bind};
 use crate::skinning::Skinning;
 
 /// Buffers of one island, kept between frames; what they hold does not matter.
@@ -29,6 +28,8 @@ pub(super) struct Scratch {
     listed: bool,
     contact: ContactScratch,
     active: ActivePart,
+    /// Batches with tetrahedra that are too flat.
+    flat: Vec<u32>,
 }
 
 impl Scratch {
@@ -39,16 +40,7 @@ impl Scratch {
 
     /// Tetrahedra that are inside out. Those that the pose does not concern are as in rest.
     pub(super) fn inverted(&self, island: &Island) -> usize {
-        let idle = island.rest.len() as u32;
-        let inverted = |&batch: &u32| {
-            let corners = &island.tetrahedron_batches.particles[batch as usize];
-            let volumes = |part: usize| {
-                signed_volume(load_tetrahedra(Portable, &self.particles, corners, part).0).to_array()
-            };
-            let volumes = (0..Portable::PARTS).flat_map(volumes);
-            volumes.zip(corners[0]).filter(|&(volume, corner)| volume <= 0.0 && corner != idle).count()
-        };
-        self.active.tetrahedra.iter().map(inverted).sum()
+        count_inverted(&island.tetrahedron_batches, &self.active.tetrahedra, &self.particles)
     }
 }
 
@@ -96,6 +88,10 @@ pub(super) fn solve_island(
         sweep_volume(island, settings.volume, backwards, scratch);
         sweep_contacts(island, scratch);
     }
+    if settings.volume > 0.0 {
+        let Scratch { active, particles, flat, .. } = scratch;
+        untangle(&island.tetrahedron_batches, island.rest_volume, &active.tetrahedra, particles, flat);
+    }
 }
 
 /// The start state: particles skinned by their own weights.
@@ -119,82 +115,6 @@ fn start(
         f32x4::new([skinned.x, skinned.y, skinned.z, mass])
     }));
     particles.push(f32x4::splat(0.0));
-}
-
-/// The batch that is served at a step of a sweep.
-#[inline(always)]
-fn batch_at(batches: &[u32], step: usize, backwards: bool) -> usize {
-    batches[if backwards { batches.len() - 1 - step } else { step }] as usize
-}
-
-struct StretchSweep<'a> {
-    island: &'a Island,
-    active: &'a ActivePart,
-    particles: &'a mut [Particle],
-    stiffness: f32,
-    backwards: bool,
-}
-
-impl OnLanes for StretchSweep<'_> {
-    #[inline(always)]
-    fn run<L: Lanes>(self, lanes: L) {
-        let Self { island, particles, .. } = self;
-        let stiffness = lanes.splat(self.stiffness);
-        for step in 0..self.active.edges.len() {
-            let batch = batch_at(&self.active.edges, step, self.backwards);
-            let [a, b] = &island.edge_batches.particles[batch];
-            for part in 0..L::PARTS {
-                let ((p, w), (q, v)) = (lanes.load(particles, a, part), lanes.load(particles, b, part));
-                let rest_length = lanes.read(&island.rest_lengths[batch][0], part);
-                let steps = project_stretch([p, q], [w, v], rest_length, stiffness);
-                lanes.store(particles, a, part, p + steps[0], w);
-                lanes.store(particles, b, part, q + steps[1], v);
-            }
-        }
-    }
-}
-
-#[inline(always)]
-fn load_tetrahedra<L: Lanes>(
-    lanes: L,
-    particles: &[Particle],
-    corners: &[[u32; BATCH]; 4],
-    part: usize,
-) -> ([Vector3<L::Real>; 4], [L::Real; 4]) {
-    let (a, s) = lanes.load(particles, &corners[0], part);
-    let (b, t) = lanes.load(particles, &corners[1], part);
-    let (c, u) = lanes.load(particles, &corners[2], part);
-    let (d, v) = lanes.load(particles, &corners[3], part);
-    ([a, b, c, d], [s, t, u, v])
-}
-
-struct VolumeSweep<'a> {
-    island: &'a Island,
-    active: &'a ActivePart,
-    particles: &'a mut [Particle],
-    stiffness: f32,
-    backwards: bool,
-}
-
-impl OnLanes for VolumeSweep<'_> {
-    #[inline(always)]
-    fn run<L: Lanes>(self, lanes: L) {
-        let Self { island, particles, .. } = self;
-        let stiffness = lanes.splat(self.stiffness);
-        let rest_volume = lanes.splat(island.rest_volume);
-        let least_divisor = lanes.splat(least_volume_divisor(island.rest_volume));
-        for step in 0..self.active.tetrahedra.len() {
-            let batch = batch_at(&self.active.tetrahedra, step, self.backwards);
-            let corners = &island.tetrahedron_batches.particles[batch];
-            for part in 0..L::PARTS {
-                let (p, w) = load_tetrahedra(lanes, particles, corners, part);
-                let steps = project_volume(p, w, rest_volume, least_divisor, stiffness);
-                for k in 0..4 {
-                    lanes.store(particles, &corners[k], part, p[k] + steps[k], w[k]);
-                }
-            }
-        }
-    }
 }
 
 fn sweep_stretch(island: &Island, stiffness: f32, backwards: bool, scratch: &mut Scratch) {
@@ -224,74 +144,12 @@ fn sweep_bind(island: &Island, stiffness: f32, scratch: &mut Scratch) {
     }
 }
 
-#[inline(always)]
-fn read_four<L: Lanes>(lanes: L, numbers: &[[f32; BATCH]; 4], part: usize) -> [L::Real; 4] {
-    [
-        lanes.read(&numbers[0], part),
-        lanes.read(&numbers[1], part),
-        lanes.read(&numbers[2], part),
-        lanes.read(&numbers[3], part),
-    ]
-}
-
-struct EnergySweep<'a> {
-    island: &'a Island,
-    active: &'a ActivePart,
-    particles: &'a mut [Particle],
-    multipliers: &'a mut [[[f32; BATCH]; 4]],
-    settings: &'a PbdSettings,
-}
-
-impl OnLanes for EnergySweep<'_> {
-    #[inline(always)]
-    fn run<L: Lanes>(self, lanes: L) {
-        let Self { island, particles, multipliers, settings, .. } = self;
-        let (one, strength) = (lanes.splat(1.0), lanes.splat(settings.energy));
-        for &batch in &self.active.tetrahedra {
-            let batch = batch as usize;
-            let corners = &island.tetrahedron_batches.particles[batch];
-            for part in 0..L::PARTS {
-                let (mut p, w) = load_tetrahedra(lanes, particles, corners, part);
-                let lengths = read_four(lanes, &island.spring_lengths[batch], part);
-                match settings.energy_form {
-                    EnergyForm::Compliant => {
-                        let mut stiffness = lanes.splat(settings.energy * settings.stiffness);
-                        if let Some([share]) = island.stiffness_shares.get(batch) {
-                            stiffness *= lanes.read(share, part);
-                        }
-                        let compliance = one / stiffness + lanes.splat(LEAST_COMPLIANCE);
-                        let kept = &mut multipliers[batch];
-                        let mut sums = read_four(lanes, kept, part);
-                        project_energy(&mut p, w, lengths, compliance, &mut sums);
-                        for spring in 0..4 {
-                            lanes.write(&mut kept[spring], part, sums[spring]);
-                        }
-                    }
-                    EnergyForm::Paper => {
-                        let steps = project_energy_paper(p, w, lengths);
-                        for k in 0..4 {
-                            p[k] += steps[k] * strength;
-                        }
-                    }
-                }
-                for k in 0..4 {
-                    lanes.store(particles, &corners[k], part, p[k], w[k]);
-                }
-            }
-        }
-    }
-}
-
 fn sweep_energy(island: &Island, settings: &PbdSettings, scratch: &mut Scratch) {
     if settings.energy > 0.0 {
         let Scratch { active, particles, multipliers, .. } = scratch;
         on_widest_lanes(EnergySweep { island, active, particles, multipliers, settings });
     }
 }
-
-/// Springs stiffer than this do not converge in a handful of iterations, and what has not converged
-/// looks softer: stiffness saturates here instead.
-const LEAST_COMPLIANCE: f32 = 0.75;
 
 /// Lists the candidates of each fold that can come into contact in the sweeps to come.
 fn list_near(island: &Island, scratch: &mut Scratch) {
