@@ -7,17 +7,18 @@ use super::contact::FoldPlane;
 use super::island::{Island, STILL};
 
 /// Rings of tetrahedra that are solved around what has moved.
-const RINGS: usize = 6;
+const RINGS: usize = 4;
 
 /// Constraints of the concerned part, and the inverse masses that hold everything else.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ActivePart {
     /// Inverse masses (P), 0 for particles that are not concerned.
     pub inverse_masses: Vec<f32>,
-    /// Edges with a free end, and their rest lengths.
-    pub edges: Vec<([u32; 2], f32)>,
-    /// Tetrahedra with a free corner.
-    pub tetrahedra: Vec<[u32; 4]>,
+    /// Batches of edges with a free end.
+    pub edges: Vec<u32>,
+    /// Batches of tetrahedra with a free corner.
+    pub tetrahedra: Vec<u32>,
+    free: Vec<bool>,
     concerned: Vec<bool>,
     moved: Vec<bool>,
     /// What was concerned before the last ring.
@@ -49,11 +50,10 @@ impl ActivePart {
         self.inverse_masses.clear();
         let masses = island.inverse_masses.iter().zip(&self.concerned);
         self.inverse_masses.extend(masses.map(|(&mass, &concerned)| if concerned { mass } else { 0.0 }));
-        let free = |corners: &[u32]| corners.iter().any(|&c| self.inverse_masses[c as usize] > 0.0);
-        self.edges.clear();
-        self.edges.extend(island.edges.iter().filter(|(edge, _)| free(edge)));
-        self.tetrahedra.clear();
-        self.tetrahedra.extend(island.tetrahedra.iter().filter(|corners| free(*corners)));
+        self.free.clear();
+        self.free.extend(self.inverse_masses.iter().map(|&mass| mass > 0.0).chain([false]));
+        island.edge_batches.select(&self.free, &mut self.edges);
+        island.tetrahedron_batches.select(&self.free, &mut self.tetrahedra);
     }
 
     /// Adds one ring of tetrahedra; false when there was nothing left to add.

@@ -1,21 +1,23 @@
 //! Bind constraint (section 4.2 c, after Rumman & Fratarcangeli 2015): a particle keeps its
 //! distance from its projection on the nearest bone, which follows the pose.
 
-use nalgebra::{SimdRealField, Vector3};
+use nalgebra::Vector3;
+
+use super::Real;
+use super::real::dot;
 
 /// Correction of the particle alone: the anchor on the bone is held. `C(p) = |p − q| − d`. None
 /// where the particle is on the anchor or is held: there is no direction.
-#[inline]
-pub fn project_bind<T: SimdRealField + Copy>(
+#[inline(always)]
+pub fn project_bind<T: Real>(
     position: Vector3<T>,
     anchor: Vector3<T>,
     rest_length: T,
     stiffness: T,
 ) -> Vector3<T> {
     let arm = position - anchor;
-    let length = arm.dot(&arm).simd_sqrt();
-    let solvable = length.simd_gt(T::zero());
-    let scale = (stiffness * (length - rest_length) / length).select(solvable, T::zero());
+    let length = dot(&arm, &arm).root();
+    let scale = (stiffness * (length - rest_length) / length).where_above(length, length.constant(0.0));
     -arm * scale
 }
 

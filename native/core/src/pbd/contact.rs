@@ -44,10 +44,13 @@ pub(super) struct JointContact {
 /// How one candidate has to move along the plane's normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Push {
-    pub candidate: u32,
+    /// Place of the candidate in the list that was searched.
+    pub listed: u32,
     pub offset: Vec3,
 }
 
+/// How far candidates may move before near ones have to be listed anew, in spacings.
+const MARGIN: f32 = 3.0;
 /// Joints that are turned by less than this cannot bring anything into contact.
 const UNMOVED: f32 = 1e-4;
 
@@ -65,7 +68,8 @@ struct Place {
 /// Buffers of the contact search.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ContactScratch {
-    places: Vec<Place>,
+    /// Places of the listed candidates, and whether they are below the joint.
+    places: Vec<(Place, bool)>,
     sides: [Vec<Place>; 2],
     /// The result.
     pub pushes: Vec<Push>,
@@ -115,52 +119,78 @@ impl JointContact {
         Place { inwards, across: offset.dot(across), beyond: beyond - candidate.rest_violation }
     }
 
-    /// Pushes that bring every candidate in contact back towards the plane (eq. 13, 14).
+    /// All candidates, as a list to search.
+    pub(super) fn all(&self) -> Vec<u32> {
+        (0..self.vertices.len() as u32).collect()
+    }
+
+    /// Lists the candidates that can come into contact as long as none moves by more than
+    /// [`MARGIN`]; `positions` are those of all.
+    pub(super) fn list_near(&self, fold: &FoldPlane, positions: &[Vec3], near: &mut Vec<u32>) {
+        near.clear();
+        let margin = MARGIN * self.spacing;
+        let places = || self.vertices.iter().zip(positions).map(|(v, &p)| (self.place(fold, v, p), v.below));
+        let mut highest = [f32::NEG_INFINITY; 2];
+        for (place, below) in places().filter(|(place, _)| place.inwards > -margin) {
+            highest[usize::from(below)] = highest[usize::from(below)].max(place.beyond);
+        }
+        let reaches = |(place, below): (Place, bool)| {
+            let other = highest[usize::from(!below)];
+            place.inwards > -margin && place.beyond + other + self.spacing + 2.0 * margin > 0.0
+        };
+        near.extend((0..).zip(places()).filter(|&(_, place)| reaches(place)).map(|(index, _)| index));
+    }
+
+    /// Pushes that bring every listed candidate in contact back towards the plane (eq. 13, 14);
+    /// `positions` are those of the list.
     ///
     /// A candidate beyond the plane is in contact as far as the other side reaches there: over the
     /// plane, each side is a height field, the upper envelope of cones of slope 1 on its
     /// candidates, and where both heights sum to more than 0 they overlap. This varies continuously
     /// with the pose. A push never exceeds the overlap, nor the way to the plane.
-    pub(super) fn pushes(&self, fold: &FoldPlane, positions: &[Vec3], scratch: &mut ContactScratch) {
+    pub(super) fn pushes(
+        &self,
+        fold: &FoldPlane,
+        list: &[u32],
+        positions: &[Vec3],
+        scratch: &mut ContactScratch,
+    ) {
         let ContactScratch { places, sides, pushes } = scratch;
         pushes.clear();
         places.clear();
-        let placed = self.vertices.iter().zip(positions).map(|(v, &p)| self.place(fold, v, p));
-        places.extend(placed);
+        let vertices = list.iter().map(|&candidate| &self.vertices[candidate as usize]);
+        places.extend(vertices.zip(positions).map(|(v, &p)| (self.place(fold, v, p), v.below)));
         // Highest reach of each side beyond the plane, on the inner side of the bend.
         let mut highest = [f32::NEG_INFINITY; 2];
-        for (vertex, place) in self.vertices.iter().zip(places.iter()) {
-            if place.inwards > 0.0 {
-                let side = &mut highest[usize::from(vertex.below)];
-                *side = side.max(place.beyond);
-            }
+        for &(place, below) in places.iter().filter(|(place, _)| place.inwards > 0.0) {
+            highest[usize::from(below)] = highest[usize::from(below)].max(place.beyond);
         }
         let room = self.spacing - highest[0].max(0.0) - highest[1].max(0.0);
         if highest[0] + highest[1] + self.spacing <= 0.0 {
             return;
         }
         sides.iter_mut().for_each(Vec::clear);
-        for (vertex, place) in self.vertices.iter().zip(places.iter()) {
+        for &(place, below) in places.iter() {
             // Lower places cannot overlap with anything.
             if place.inwards > 0.0 && place.beyond >= room - 2.0 * self.spacing {
-                sides[usize::from(vertex.below)].push(*place);
+                sides[usize::from(below)].push(place);
             }
         }
         sides.iter_mut().for_each(|side| side.sort_unstable_by(highest_first));
-        for (index, (vertex, place)) in self.vertices.iter().zip(places.iter()).enumerate() {
+        for (listed, &(place, below)) in (0..).zip(places.iter()) {
             if place.inwards <= 0.0 || place.beyond <= 0.0 {
                 continue;
             }
-            let others = &sides[usize::from(!vertex.below)];
-            let overlap = place.beyond + self.height(others, *place);
-            let overlap = (overlap - vertex.rest_overlap).max(0.0);
+            let rest_overlap = self.vertices[list[listed as usize] as usize].rest_overlap;
+            let overlap = place.beyond + self.height(&sides[usize::from(!below)], place);
+            let overlap = (overlap - rest_overlap).max(0.0);
             // Sets in with slope 0. What it leaves is less than the spacing that `height` adds.
             let gentle = overlap * overlap / (overlap + self.spacing);
             let amount = place.beyond.min(gentle);
             let amount = amount * fold.strength * (place.inwards / self.spacing).min(1.0);
             if amount > 0.0 {
-                let direction = if vertex.below { amount } else { -amount };
-                pushes.push(Push { candidate: index as u32, offset: fold.plane.normal * direction });
+                let direction = if below { amount } else { -amount };
+                pushes.push(Push { listed, offset: fold.plane.normal * direction });
             }
         }
     }
@@ -259,21 +289,51 @@ mod tests {
         let fold = contact.fold_plane(&pose).unwrap();
         let positions = rigid(&contact, &rest, &pose);
         let mut scratch = ContactScratch::default();
-        contact.pushes(&fold, &positions, &mut scratch);
+        contact.pushes(&fold, &contact.all(), &positions, &mut scratch);
         assert!(scratch.pushes.len() > 3);
         for push in &scratch.pushes {
-            let vertex = &contact.vertices[push.candidate as usize];
+            let vertex = &contact.vertices[push.listed as usize];
             let beyond = |p: Vec3| {
                 let height = (p - fold.plane.point).dot(fold.plane.normal);
                 if vertex.below { -height } else { height }
             };
-            let before = positions[push.candidate as usize];
+            let before = positions[push.listed as usize];
             assert!(beyond(before) > 0.0);
             let after = beyond(before + push.offset);
             assert!((-1e-6..beyond(before)).contains(&after), "{after}");
         }
-        contact.pushes(&fold, &rigid(&contact, &rest, &bent(-1.8)), &mut scratch);
+        contact.pushes(&fold, &contact.all(), &rigid(&contact, &rest, &bent(-1.8)), &mut scratch);
         assert!(scratch.pushes.is_empty(), "bent the other way");
+    }
+
+    #[test]
+    fn candidates_that_are_not_near_are_not_pushed_soon() {
+        let (contact, rest) = contact();
+        let mut near = vec![7];
+        for angle in [0.4, 0.9, 1.4, 1.8] {
+            let pose = bent(angle);
+            let fold = contact.fold_plane(&pose).unwrap();
+            let positions = rigid(&contact, &rest, &pose);
+            contact.list_near(&fold, &positions, &mut near);
+            // Both sides deeper into each other by almost the margin.
+            let sunk = |(v, p): (&ContactVertex, &Vec3)| {
+                let depth = 0.99 * MARGIN * contact.spacing;
+                *p + fold.plane.normal * if v.below { -depth } else { depth }
+            };
+            let sunk: Vec<Vec3> = contact.vertices.iter().zip(&positions).map(sunk).collect();
+            let listed: Vec<Vec3> = near.iter().map(|&i| sunk[i as usize]).collect();
+            let (mut some, mut all) = (ContactScratch::default(), ContactScratch::default());
+            contact.pushes(&fold, &near, &listed, &mut some);
+            contact.pushes(&fold, &contact.all(), &sunk, &mut all);
+            let some: Vec<(u32, Vec3)> =
+                some.pushes.iter().map(|push| (near[push.listed as usize], push.offset)).collect();
+            let all: Vec<(u32, Vec3)> = all.pushes.iter().map(|push| (push.listed, push.offset)).collect();
+            assert_eq!(some, all);
+        }
+        let pose = bent(0.3);
+        let fold = contact.fold_plane(&pose).unwrap();
+        contact.list_near(&fold, &rigid(&contact, &rest, &bent(-2.0)), &mut near);
+        assert!(near.len() < contact.vertices.len(), "{near:?}");
     }
 
     #[test]
@@ -288,7 +348,7 @@ mod tests {
             }
         }
         let mut scratch = ContactScratch::default();
-        contact.pushes(&fold, &positions, &mut scratch);
+        contact.pushes(&fold, &contact.all(), &positions, &mut scratch);
         assert!(scratch.pushes.is_empty());
     }
 
@@ -308,7 +368,7 @@ mod tests {
         let nearly = [Affine3A::IDENTITY, Affine3A::from_rotation_z(1e-3)];
         let fold = contact.fold_plane(&nearly).unwrap();
         let mut scratch = ContactScratch::default();
-        contact.pushes(&fold, &positions, &mut scratch);
+        contact.pushes(&fold, &contact.all(), &positions, &mut scratch);
         assert!(scratch.pushes.iter().all(|push| push.offset.length() < 1e-2), "{:?}", scratch.pushes);
     }
 }

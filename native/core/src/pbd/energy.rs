@@ -7,18 +7,21 @@
 //! et al. 2016) and compliance 1/k, so that the stiffness k decides how far a soft material
 //! follows its springs and the number of iterations does not.
 
-use nalgebra::{SimdRealField, Vector3};
+use nalgebra::Vector3;
+
+use super::Real;
+use super::real::dot;
 
 /// Barycentre of equal corner masses (eq. 8).
-#[inline]
-pub fn barycentre<T: SimdRealField + Copy>(p: &[Vector3<T>; 4]) -> Vector3<T> {
-    (p[0] + p[1] + p[2] + p[3]) * T::from_subset(&0.25)
+#[inline(always)]
+pub fn barycentre<T: Real>(p: &[Vector3<T>; 4]) -> Vector3<T> {
+    (p[0] + p[1] + p[2] + p[3]) * p[0].x.constant(0.25)
 }
 
 /// Projects the four springs one after the other (see [`project_spring`]). Moves `positions` and
 /// adds to `multipliers`, which start at zero with the first iteration. `compliance` is 1/k.
-#[inline]
-pub fn project_energy<T: SimdRealField + Copy>(
+#[inline(always)]
+pub fn project_energy<T: Real>(
     positions: &mut [Vector3<T>; 4],
     inverse_masses: [T; 4],
     rest_lengths: [T; 4],
@@ -34,8 +37,8 @@ pub fn project_energy<T: SimdRealField + Copy>(
 /// Projects one spring, `C = |p_i − p_0| − d_i` with the full gradient `∇_i C = ¾ n`,
 /// `∇_j C = −¼ n`: the barycentre moves with its corners, so the centre of mass stays. None for a
 /// spring without length: it has no direction.
-#[inline]
-pub fn project_spring<T: SimdRealField + Copy>(
+#[inline(always)]
+pub fn project_spring<T: Real>(
     positions: &mut [Vector3<T>; 4],
     inverse_masses: [T; 4],
     spring: usize,
@@ -43,17 +46,17 @@ pub fn project_spring<T: SimdRealField + Copy>(
     compliance: T,
     multiplier: &mut T,
 ) {
-    let quarter = T::from_subset(&0.25);
+    let (quarter, half) = (compliance.constant(0.25), compliance.constant(0.5));
     let arm = positions[spring] - barycentre(positions);
-    let length = arm.dot(&arm).simd_sqrt();
+    let length = dot(&arm, &arm).root();
     // Σ_j w_j |∇_j C|²: a sixteenth for every corner, and half more for the spring's own.
     let all = inverse_masses[0] + inverse_masses[1] + inverse_masses[2] + inverse_masses[3];
-    let mass = all * quarter * quarter + inverse_masses[spring] * T::from_subset(&0.5);
-    let solvable = (length * mass).simd_gt(T::zero());
+    let mass = all * quarter * quarter + inverse_masses[spring] * half;
+    let (solvable, zero) = (length * mass, length.constant(0.0));
     let violation = length - rest_length + compliance * *multiplier;
-    let step = (-violation / (mass + compliance)).select(solvable, T::zero());
+    let step = (-violation / (mass + compliance)).where_above(solvable, zero);
     *multiplier += step;
-    let along = arm * (step / length).select(solvable, T::zero());
+    let along = arm * (step / length).where_above(solvable, zero);
     for corner in 0..4 {
         positions[corner] -= along * (quarter * inverse_masses[corner]);
     }
@@ -62,27 +65,27 @@ pub fn project_spring<T: SimdRealField + Copy>(
 
 /// The step of eq. 9-11 to the letter, all stiffnesses equal (they cancel). None where all springs
 /// have their rest length: the gradient vanishes there.
-#[inline]
-pub fn project_energy_paper<T: SimdRealField + Copy>(
+#[inline(always)]
+pub fn project_energy_paper<T: Real>(
     positions: [Vector3<T>; 4],
     inverse_masses: [T; 4],
     rest_lengths: [T; 4],
 ) -> [Vector3<T>; 4] {
     let centre = barycentre(&positions);
+    let zero = centre.x.constant(0.0);
+    let (half, least) = (zero.constant(0.5), zero.constant(1e-30));
     let mut gradients = positions;
-    let mut energy = T::zero();
-    let mut divisor = T::zero();
+    let mut energy = zero;
+    let mut divisor = zero;
     for i in 0..4 {
         let arm = positions[i] - centre;
-        let length = arm.dot(&arm).simd_sqrt();
+        let length = dot(&arm, &arm).root();
         let stretch = length - rest_lengths[i];
-        energy += stretch * stretch * T::from_subset(&0.5);
-        let scale = (stretch / length).select(length.simd_gt(T::zero()), T::zero());
-        gradients[i] = arm * scale;
-        divisor += inverse_masses[i] * gradients[i].dot(&gradients[i]);
+        energy += stretch * stretch * half;
+        gradients[i] = arm * (stretch / length).where_above(length, zero);
+        divisor += inverse_masses[i] * dot(&gradients[i], &gradients[i]);
     }
-    let solvable = divisor.simd_gt(T::from_subset(&1e-30));
-    let step = (energy / divisor).select(solvable, T::zero());
+    let step = (energy / divisor).where_above(divisor, least);
     let mut steps = gradients;
     for i in 0..4 {
         steps[i] *= -(step * inverse_masses[i]);

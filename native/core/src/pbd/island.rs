@@ -2,10 +2,12 @@
 //! constraints need. Islands share no free particle, so they are solved apart.
 
 use glam::{Affine3A, DVec3, Mat3A, Vec3};
-use nalgebra::Vector3;
+use wide::f32x4;
 
 use super::active::is_still;
+use super::batches::Batches;
 use super::contact::JointContact;
+use super::lanes::{BATCH, Particle};
 use crate::skinning::SkinWeights;
 
 /// A particle's anchor on its nearest bone.
@@ -27,16 +29,20 @@ pub(super) struct Island {
     pub weights: SkinWeights,
     /// Inverse masses (P): 1 free, 0 held, between them where the island ends.
     pub inverse_masses: Vec<f32>,
-    /// Edges with a free end, and their rest lengths.
-    pub edges: Vec<([u32; 2], f32)>,
+    /// Edges with a free end.
+    pub edges: Vec<[u32; 2]>,
+    pub edge_batches: Batches<2>,
+    /// Rest lengths of the edges in each batch.
+    pub rest_lengths: Vec<[[f32; BATCH]; 1]>,
     /// Tetrahedra, every one with a free corner.
     pub tetrahedra: Vec<[u32; 4]>,
+    pub tetrahedron_batches: Batches<4>,
     /// Rest volume, the same for all of them.
     pub rest_volume: f32,
-    /// Distances of each tetrahedron's corners from its barycentre in rest.
-    pub spring_lengths: Vec<[f32; 4]>,
-    /// Share of the stiffness in each tetrahedron; empty where it is 1 everywhere.
-    pub stiffness_shares: Vec<f32>,
+    /// Distances of the corners from the barycentre in rest, for the tetrahedra of each batch.
+    pub spring_lengths: Vec<[[f32; BATCH]; 4]>,
+    /// Shares of the stiffness in the tetrahedra of each batch; empty where it is 1 everywhere.
+    pub stiffness_shares: Vec<[[f32; BATCH]; 1]>,
     pub binds: Vec<Bind>,
     /// Contact candidates that push the cage, joint by joint.
     pub cage_contacts: Vec<JointContact>,
@@ -61,10 +67,11 @@ pub(super) struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    pub(super) fn position(&self, particles: &[Vector3<f32>]) -> Vector3<f32> {
-        let [a, b, c, d] = self.corners.map(|corner| particles[corner as usize]);
-        let [s, t, u, v] = self.barycentric;
-        a * s + b * t + c * u + d * v
+    /// Where the point is, on particles in a pose.
+    #[inline]
+    pub(super) fn position(&self, particles: &[Particle]) -> Vec3 {
+        let weighted = |k: usize| particles[self.corners[k] as usize] * f32x4::splat(self.barycentric[k]);
+        position(weighted(0) + weighted(1) + weighted(2) + weighted(3))
     }
 }
 
@@ -100,12 +107,11 @@ impl Island {
 /// Relative motion below this is the rounding of f32 matrices.
 pub(super) const STILL: f32 = 2e-6;
 
-pub(super) fn vector(v: Vec3) -> Vector3<f32> {
-    Vector3::new(v.x, v.y, v.z)
-}
-
-pub(super) fn from_vector(v: Vector3<f32>) -> Vec3 {
-    Vec3::new(v.x, v.y, v.z)
+/// Position of a particle.
+#[inline]
+pub(super) fn position(particle: Particle) -> Vec3 {
+    let [x, y, z, _] = particle.to_array();
+    Vec3::new(x, y, z)
 }
 
 /// Distances of four points from their barycentre.

@@ -2,6 +2,7 @@
 
 mod active;
 mod areas;
+mod batches;
 mod bind;
 mod build;
 mod contact;
@@ -13,8 +14,12 @@ mod error;
 mod finite_difference;
 mod fit;
 mod island;
+mod lanes;
+#[cfg(target_arch = "x86_64")]
+mod lanes_avx2;
 mod masks;
 mod patch;
+mod real;
 mod self_collision;
 mod settings;
 mod skin;
@@ -24,12 +29,15 @@ mod stats;
 mod stiffness;
 mod stretch;
 mod surface_contact;
+mod sweeps;
+mod untangle;
 mod volume;
 
 pub use areas::{JointArea, JointAreas};
 pub use bind::project_bind;
 pub use energy::{barycentre, project_energy, project_energy_paper, project_spring};
 pub use error::PbdError;
+pub use real::Real;
 pub use self_collision::{ProjectionPlane, has_crossed, mean_value_coordinates, relax, signed_distance};
 pub use settings::{EnergyForm, PbdSettings, Region, SkinningMethod, Start};
 pub use skin::{PbdSkin, SolvedOffsets, SolvedSkin};

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use glam::DVec3;
 
 use super::areas::{JointArea, JointAreas};
+use super::batches::Batches;
 use super::contact_setup::joint_contacts;
 use super::fit::cage_fit;
 use super::island::{Bind, Island, SurfacePoint, spring_lengths};
@@ -124,7 +125,12 @@ fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec
         .map(|tetrahedra| {
             let island =
                 build_island(input, patch, &areas, &cage, &rows, &fit, &freedom, &embeddings, &tetrahedra);
-            Island { stiffness_shares: shares_of(&tetrahedra), ..island }
+            let shares = shares_of(&tetrahedra);
+            let stiffness_shares = match shares.is_empty() {
+                true => Vec::new(),
+                false => island.tetrahedron_batches.gather(|index| [shares[index]]),
+            };
+            Island { stiffness_shares, ..island }
         })
         .collect())
 }
@@ -271,8 +277,12 @@ fn build_island(
         .filter(|edge| edge.iter().any(|&p| inverse_masses[p as usize] > 0.0))
         .map(|[a, b]| [a.min(b), a.max(b)])
         .collect();
-    let length = |a: u32, b: u32| position(particles[a as usize]).distance(position(particles[b as usize]));
-    let edges = edges.into_iter().map(|[a, b]| ([a, b], length(a, b) as f32)).collect();
+    let length = |[a, b]: [u32; 2]| position(particles[a as usize]).distance(position(particles[b as usize]));
+    let edges = Vec::from_iter(edges);
+    let idle = particles.len() as u32;
+    let edge_batches = Batches::new(&edges, idle);
+    let tetrahedron_batches = Batches::new(&tetrahedra, idle);
+    let springs: Vec<[f32; 4]> = global.iter().map(|t| spring_lengths(t.map(position))).collect();
     let binds = particles.iter().enumerate().filter(|(i, _)| inverse_masses[*i] > 0.0);
     let binds = binds.filter_map(|(i, &p)| bind(input.skeleton, i as u32, position(p), &rows[p as usize]));
     let binds = binds.collect();
@@ -291,9 +301,12 @@ fn build_island(
         contacts,
         weights,
         inverse_masses,
+        rest_lengths: edge_batches.gather(|index| [length(edges[index]) as f32]),
         edges,
+        edge_batches,
         rest_volume: cage.lattice.tetrahedron_volume() as f32,
-        spring_lengths: global.iter().map(|t| spring_lengths(t.map(position))).collect(),
+        spring_lengths: tetrahedron_batches.gather(|index| springs[index]),
+        tetrahedron_batches,
         stiffness_shares: Vec::new(),
         binds,
         surface,

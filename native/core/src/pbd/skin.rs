@@ -9,9 +9,9 @@ use rayon::prelude::*;
 
 use super::build::build_islands;
 use super::contact_shape::reshaped;
-use super::island::{Island, from_vector};
+use super::island::Island;
 use super::smoothing::smooth_correction;
-use super::solver::{Scratch, inverted, solve_island};
+use super::solver::{Scratch, solve_island};
 use super::stats::{ConstraintCounts, Milliseconds, Stats};
 use super::stiffness::check_shares;
 use super::surface_contact::SurfaceContacts;
@@ -275,9 +275,8 @@ impl PbdSkin {
                 scratch.frame = None;
             } else {
                 solve_island(island, &self.settings, &scratch.local, &mut scratch.solver);
-                scratch.inverted = inverted(island, &scratch.solver.positions);
-                let finite = scratch.solver.positions.iter().all(|p| p.iter().all(|x| x.is_finite()));
-                if !finite {
+                scratch.inverted = scratch.solver.inverted(island);
+                if !scratch.solver.is_finite() {
                     // Overflow by absurd transforms: the plain skin is all that can be shown.
                     scratch.frame = None;
                     scratch.inverted = 0;
@@ -303,7 +302,7 @@ impl PbdSkin {
             let Some(frame) = &scratch.frame else { continue };
             for point in &island.surface {
                 let vertex = point.vertex as usize;
-                let solved = from_vector(point.position(&scratch.solver.positions));
+                let solved = point.position(&scratch.solver.particles);
                 let plain = skinning.vertex(self.rest[vertex], self.weights.row(vertex));
                 correction[vertex] += point.share * (frame.transform_point3(solved) - plain);
             }

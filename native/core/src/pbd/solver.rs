@@ -2,61 +2,80 @@
 
 use glam::{Affine3A, Vec3};
 use nalgebra::Vector3;
+use wide::f32x4;
 
 use super::active::ActivePart;
 use super::contact::{ContactScratch, FoldPlane};
-use super::island::{Island, from_vector, vector};
-use super::{
-    EnergyForm, PbdSettings, Start, least_volume_divisor, project_bind, project_energy, project_energy_paper,
-    project_stretch, project_volume, signed_volume,
-};
+use super::island::{Bind, Island};
+use super::lanes::{BATCH, Particle, on_widest_lanes};
+use super::sweeps::{EnergySweep, StretchSweep, VolumeSweep};
+use super::untangle::{count_inverted, untangle};
+use super::{PbdSettings, Start, project_bind};
 use crate::skinning::Skinning;
 
 /// Buffers of one island, kept between frames; what they hold does not matter.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Scratch {
-    /// Positions of the particles, the result.
-    pub positions: Vec<Vector3<f32>>,
-    multipliers: Vec<[f32; 4]>,
-    anchors: Vec<Vector3<f32>>,
+    /// The particles, the result, and one more without mass, which idle lanes name.
+    pub particles: Vec<Particle>,
+    multipliers: Vec<[[f32; BATCH]; 4]>,
+    anchors: Vec<Vec3>,
     folds: Vec<Option<FoldPlane>>,
     candidates: Vec<Vec3>,
+    /// Candidates of each fold that can come into contact.
+    near: Vec<Vec<u32>>,
+    /// True once [`Self::near`] is that of this pose.
+    listed: bool,
     contact: ContactScratch,
     active: ActivePart,
+    /// Batches with tetrahedra that are too flat.
+    flat: Vec<u32>,
+}
+
+impl Scratch {
+    /// False where absurd transforms have made the result overflow.
+    pub(super) fn is_finite(&self) -> bool {
+        self.particles.iter().all(|particle| particle.to_array().iter().all(|x| x.is_finite()))
+    }
+
+    /// Tetrahedra that are inside out. Those that the pose does not concern are as in rest.
+    pub(super) fn inverted(&self, island: &Island) -> usize {
+        count_inverted(&island.tetrahedron_batches, &self.active.tetrahedra, &self.particles)
+    }
 }
 
 /// Solves an island for a pose. `transforms` are relative to the island's frame; the positions are
-/// left in `scratch.positions`, in that frame.
+/// left in `scratch.particles`, in that frame.
 pub(super) fn solve_island(
     island: &Island,
     settings: &PbdSettings,
     transforms: &[Affine3A],
     scratch: &mut Scratch,
 ) {
-    start(island, settings, transforms, &mut scratch.positions);
     scratch.anchors.clear();
     scratch.folds.clear();
     scratch.multipliers.clear();
     if settings.bind > 0.0 {
-        let anchor =
-            |bind: &super::island::Bind| vector(transforms[bind.bone as usize].transform_point3(bind.anchor));
+        let anchor = |bind: &Bind| transforms[bind.bone as usize].transform_point3(bind.anchor);
         scratch.anchors.extend(island.binds.iter().map(anchor));
     }
     if settings.energy > 0.0 {
-        scratch.multipliers.resize(island.tetrahedra.len(), [0.0; 4]);
+        scratch.multipliers.resize(island.tetrahedron_batches.particles.len(), [[0.0; BATCH]; 4]);
     }
     if settings.self_collision {
         scratch.folds.extend(island.cage_contacts.iter().map(|contact| contact.fold_plane(transforms)));
     }
     scratch.active.find(island, transforms, &scratch.folds);
+    start(island, settings, transforms, &scratch.active.inverse_masses, &mut scratch.particles);
+    scratch.listed = false;
     for iteration in 0..settings.iterations {
         // Every second sweep runs backwards, so that no end of the island is always served last.
         let backwards = iteration % 2 == 1;
         let progress = iteration as f32 / settings.iterations as f32;
         let stretch =
             if settings.anneal_stretch { settings.stretch * (1.0 - progress) } else { settings.stretch };
-        sweep_stretch(&scratch.active, stretch, backwards, &mut scratch.positions);
-        sweep_volume(island.rest_volume, &scratch.active, settings.volume, backwards, &mut scratch.positions);
+        sweep_stretch(island, stretch, backwards, scratch);
+        sweep_volume(island, settings.volume, backwards, scratch);
         sweep_bind(island, settings.bind, scratch);
         sweep_energy(island, settings, scratch);
         // Before the volumes are nearly right, what seems to touch need not touch.
@@ -66,8 +85,12 @@ pub(super) fn solve_island(
     }
     for sweep in 0..settings.volume_sweeps {
         let backwards = (settings.iterations + sweep) % 2 == 1;
-        sweep_volume(island.rest_volume, &scratch.active, settings.volume, backwards, &mut scratch.positions);
+        sweep_volume(island, settings.volume, backwards, scratch);
         sweep_contacts(island, scratch);
+    }
+    if settings.volume > 0.0 {
+        let Scratch { active, particles, flat, .. } = scratch;
+        untangle(&island.tetrahedron_batches, island.rest_volume, &active.tetrahedra, particles, flat);
     }
 }
 
@@ -76,7 +99,8 @@ fn start(
     island: &Island,
     settings: &PbdSettings,
     transforms: &[Affine3A],
-    positions: &mut Vec<Vector3<f32>>,
+    inverse_masses: &[f32],
+    particles: &mut Vec<Particle>,
 ) {
     let linear = match settings.start {
         Start::Linear => true,
@@ -85,103 +109,82 @@ fn start(
     };
     let skinning =
         if linear { Skinning::linear(transforms) } else { Skinning::dual_quaternion(transforms, None) };
-    positions.clear();
-    let particles = island.rest.iter().enumerate();
-    positions.extend(particles.map(|(i, &rest)| vector(skinning.vertex(rest, island.weights.row(i)))));
+    particles.clear();
+    particles.extend(island.rest.iter().zip(inverse_masses).enumerate().map(|(i, (&rest, &mass))| {
+        let skinned = skinning.vertex(rest, island.weights.row(i));
+        f32x4::new([skinned.x, skinned.y, skinned.z, mass])
+    }));
+    particles.push(f32x4::splat(0.0));
 }
 
-fn in_order<T: Copy>(list: &[T], backwards: bool, mut visit: impl FnMut(usize, T)) {
-    if backwards {
-        list.iter().enumerate().rev().for_each(|(i, &item)| visit(i, item));
-    } else {
-        list.iter().enumerate().for_each(|(i, &item)| visit(i, item));
+fn sweep_stretch(island: &Island, stiffness: f32, backwards: bool, scratch: &mut Scratch) {
+    if stiffness > 0.0 {
+        let Scratch { active, particles, .. } = scratch;
+        on_widest_lanes(StretchSweep { island, active, particles, stiffness, backwards });
     }
 }
 
-fn sweep_stretch(active: &ActivePart, stiffness: f32, backwards: bool, positions: &mut [Vector3<f32>]) {
-    if stiffness <= 0.0 {
-        return;
+fn sweep_volume(island: &Island, stiffness: f32, backwards: bool, scratch: &mut Scratch) {
+    if stiffness > 0.0 {
+        let Scratch { active, particles, .. } = scratch;
+        on_widest_lanes(VolumeSweep { island, active, particles, stiffness, backwards });
     }
-    let w = &active.inverse_masses;
-    in_order(&active.edges, backwards, |_, ([a, b], rest_length)| {
-        let (a, b) = (a as usize, b as usize);
-        let steps = project_stretch([positions[a], positions[b]], [w[a], w[b]], rest_length, stiffness);
-        positions[a] += steps[0];
-        positions[b] += steps[1];
-    });
-}
-
-fn sweep_volume(
-    rest_volume: f32,
-    active: &ActivePart,
-    stiffness: f32,
-    backwards: bool,
-    positions: &mut [Vector3<f32>],
-) {
-    if stiffness <= 0.0 {
-        return;
-    }
-    let w = &active.inverse_masses;
-    let least_divisor = least_volume_divisor(rest_volume);
-    in_order(&active.tetrahedra, backwards, |_, corners| {
-        let c = corners.map(|corner| corner as usize);
-        let (p, masses) = (c.map(|i| positions[i]), c.map(|i| w[i]));
-        let steps = project_volume(p, masses, rest_volume, least_divisor, stiffness);
-        for (corner, step) in c.into_iter().zip(steps) {
-            positions[corner] += step;
-        }
-    });
 }
 
 fn sweep_bind(island: &Island, stiffness: f32, scratch: &mut Scratch) {
-    let Scratch { positions, anchors, active, .. } = scratch;
+    let Scratch { particles, anchors, active, .. } = scratch;
     for (bind, &anchor) in island.binds.iter().zip(anchors.iter()) {
         let particle = bind.particle as usize;
         // A heavier particle, where the island ends, follows less.
         let stiffness = stiffness * active.inverse_masses[particle];
-        let step = project_bind(positions[particle], anchor, bind.rest_length, stiffness);
-        positions[particle] += step;
+        let vector = |v: Vec3| Vector3::from(v.to_array());
+        let [x, y, z, _] = particles[particle].to_array();
+        let step = project_bind(Vector3::new(x, y, z), vector(anchor), bind.rest_length, stiffness);
+        particles[particle] += f32x4::new([step.x, step.y, step.z, 0.0]);
     }
 }
 
 fn sweep_energy(island: &Island, settings: &PbdSettings, scratch: &mut Scratch) {
-    let stiffness = settings.energy * settings.stiffness;
-    let (w, positions) = (&scratch.active.inverse_masses, &mut scratch.positions);
-    let springs = island.tetrahedra.iter().zip(&island.spring_lengths);
-    for (index, ((corners, &lengths), multipliers)) in springs.zip(&mut scratch.multipliers).enumerate() {
-        let share = island.stiffness_shares.get(index).copied().unwrap_or(1.0);
-        let compliance = (stiffness * share).recip() + LEAST_COMPLIANCE;
-        let c = corners.map(|corner| corner as usize);
-        let (mut p, masses) = (c.map(|i| positions[i]), c.map(|i| w[i]));
-        match settings.energy_form {
-            EnergyForm::Compliant => project_energy(&mut p, masses, lengths, compliance, multipliers),
-            EnergyForm::Paper => {
-                let steps = project_energy_paper(p, masses, lengths);
-                p.iter_mut().zip(steps).for_each(|(p, step)| *p += step * settings.energy);
-            }
-        }
-        c.into_iter().zip(p).for_each(|(i, p)| positions[i] = p);
+    if settings.energy > 0.0 {
+        let Scratch { active, particles, multipliers, .. } = scratch;
+        on_widest_lanes(EnergySweep { island, active, particles, multipliers, settings });
     }
 }
 
-/// Springs stiffer than this do not converge in a handful of iterations, and what has not converged
-/// looks softer: stiffness saturates here instead.
-const LEAST_COMPLIANCE: f32 = 0.75;
-
-/// Pushes contact vertices back through the corners of the tetrahedra that hold them.
-fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
-    let Scratch { positions, folds, candidates, contact: found, active, .. } = scratch;
-    for (contact, fold) in island.cage_contacts.iter().zip(folds) {
+/// Lists the candidates of each fold that can come into contact in the sweeps to come.
+fn list_near(island: &Island, scratch: &mut Scratch) {
+    let Scratch { particles, folds, candidates, near, .. } = scratch;
+    near.resize_with(folds.len(), Vec::new);
+    for ((contact, fold), near) in island.cage_contacts.iter().zip(folds).zip(near) {
         let Some(fold) = fold else { continue };
         candidates.clear();
         let points = contact.vertices.iter().map(|vertex| &island.surface[vertex.point as usize]);
-        candidates.extend(points.map(|point| from_vector(point.position(positions))));
-        contact.pushes(fold, candidates, found);
+        candidates.extend(points.map(|point| point.position(particles)));
+        contact.list_near(fold, candidates, near);
+    }
+}
+
+/// Pushes contact vertices back through the corners of the tetrahedra that hold them.
+fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
+    if !scratch.listed {
+        list_near(island, scratch);
+        scratch.listed = true;
+    }
+    let Scratch { particles, folds, candidates, near, contact: found, active, .. } = scratch;
+    for ((contact, fold), near) in island.cage_contacts.iter().zip(folds).zip(near) {
+        let Some(fold) = fold else { continue };
+        if near.is_empty() {
+            continue;
+        }
+        let point_of =
+            |listed: usize| &island.surface[contact.vertices[near[listed] as usize].point as usize];
+        candidates.clear();
+        candidates.extend((0..near.len()).map(|listed| point_of(listed).position(particles)));
+        contact.pushes(fold, near, candidates, found);
         for push in &found.pushes {
-            let candidate = push.candidate as usize;
-            let point = &island.surface[contact.vertices[candidate].point as usize];
+            let point = point_of(push.listed as usize);
             // Pushes before this one may have moved the same corners.
-            let moved = from_vector(point.position(positions)) - candidates[candidate];
+            let moved = point.position(particles) - candidates[push.listed as usize];
             let length = push.offset.length();
             let left = length - moved.dot(push.offset) / length;
             let corners = point.corners.map(|corner| corner as usize);
@@ -190,9 +193,10 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
             let mass: f32 = (0..4).map(|k| w[k] * b[k] * b[k]).sum();
             // Where little is free, most of a push would move a corner far: leave it to the surface.
             if left > 0.0 && mass > LEAST_CONTACT_MASS {
-                let step = vector(push.offset) * (left / (length * mass));
+                let step = push.offset * (left / (length * mass));
                 for k in 0..4 {
-                    positions[corners[k]] += step * (w[k] * b[k]);
+                    let step = step * (w[k] * b[k]);
+                    particles[corners[k]] += f32x4::new([step.x, step.y, step.z, 0.0]);
                 }
             }
         }
@@ -202,9 +206,3 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
 /// Smallest Σ w b² of a tetrahedron that takes a push; a quarter when all four corners are free
 /// and share alike.
 const LEAST_CONTACT_MASS: f32 = 0.05;
-
-/// Tetrahedra that are inside out.
-pub(super) fn inverted(island: &Island, positions: &[Vector3<f32>]) -> usize {
-    let volume = |corners: &[u32; 4]| signed_volume(corners.map(|corner| positions[corner as usize]));
-    island.tetrahedra.iter().filter(|corners| volume(corners) <= 0.0).count()
-}

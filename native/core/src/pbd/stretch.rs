@@ -4,25 +4,27 @@
 //! The step follows eq. 11, so that inverse masses count: `Δp_i = −w_i C / (w_1 + w_2) ∇_i C`
 //! (Müller et al. 2007).
 
-use nalgebra::{SimdRealField, Vector3};
+use nalgebra::Vector3;
+
+use super::Real;
+use super::real::dot;
 
 /// Corrections of both particles for a stiffness from 0 to 1; none where the two coincide, since
 /// the edge then has no direction, or where both are held.
 ///
-/// The function is generic over lanes: `f32`, `f64`, or a SIMD vector of them.
-#[inline]
-pub fn project_stretch<T: SimdRealField + Copy>(
+/// The function is generic over [`Real`]: `f32`, `f64`, or a SIMD register of them.
+#[inline(always)]
+pub fn project_stretch<T: Real>(
     positions: [Vector3<T>; 2],
     inverse_masses: [T; 2],
     rest_length: T,
     stiffness: T,
 ) -> [Vector3<T>; 2] {
     let edge = positions[0] - positions[1];
-    let length = edge.dot(&edge).simd_sqrt();
+    let length = dot(&edge, &edge).root();
     let mass = inverse_masses[0] + inverse_masses[1];
     let divisor = length * mass;
-    let solvable = divisor.simd_gt(T::zero());
-    let scale = (stiffness * (length - rest_length) / divisor).select(solvable, T::zero());
+    let scale = (stiffness * (length - rest_length) / divisor).where_above(divisor, divisor.constant(0.0));
     let step = edge * scale;
     [-step * inverse_masses[0], step * inverse_masses[1]]
 }

@@ -68,6 +68,7 @@ impl SurfaceContacts {
         let mut found = ContactScratch::default();
         for (contact, rings) in contacts.iter().zip(&self.rings) {
             let Some(fold) = contact.fold_plane(local) else { continue };
+            let all = contact.all();
             let vertex_of =
                 |candidate: usize| island.surface[contact.vertices[candidate].point as usize].vertex as usize;
             for round in 0..ROUNDS {
@@ -75,17 +76,17 @@ impl SurfaceContacts {
                 let own =
                     (0..contact.vertices.len()).map(|c| inverse.transform_point3(positions[vertex_of(c)]));
                 candidates.extend(own);
-                contact.pushes(&fold, &candidates, &mut found);
+                contact.pushes(&fold, &all, &candidates, &mut found);
                 for push in &found.pushes {
-                    positions[vertex_of(push.candidate as usize)] += frame.transform_vector3(push.offset);
+                    positions[vertex_of(push.listed as usize)] += frame.transform_vector3(push.offset);
                 }
                 if round + 1 == ROUNDS {
                     break;
                 }
                 for push in &found.pushes {
-                    let ring = &rings[push.candidate as usize];
+                    let ring = &rings[push.listed as usize];
                     if !ring.is_empty() {
-                        let vertex = vertex_of(push.candidate as usize);
+                        let vertex = vertex_of(push.listed as usize);
                         let neighbours = ring.iter().map(|&(n, phi)| (phi, positions[n as usize]));
                         // Relaxation sets in with the push, so that nothing jumps at first touch.
                         let share = (push.offset.length() / contact.spacing).min(1.0);

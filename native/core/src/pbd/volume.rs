@@ -4,20 +4,23 @@
 //! makes a positively oriented tetrahedron positive. The step follows eq. 11. The sign of the
 //! volume counts, so an inverted tetrahedron is driven back.
 
-use nalgebra::{SimdRealField, Vector3};
+use nalgebra::Vector3;
+
+use super::Real;
+use super::real::{cross, dot};
 
 /// Signed volume of a tetrahedron.
-#[inline]
-pub fn signed_volume<T: SimdRealField + Copy>(p: [Vector3<T>; 4]) -> T {
-    (p[1] - p[0]).cross(&(p[2] - p[0])).dot(&(p[3] - p[0])) / T::from_subset(&6.0)
+#[inline(always)]
+pub fn signed_volume<T: Real>(p: [Vector3<T>; 4]) -> T {
+    dot(&cross(&(p[1] - p[0]), &(p[2] - p[0])), &(p[3] - p[0])) / p[0].x.constant(6.0)
 }
 
 /// Gradients of [`signed_volume`] by the four corners.
-#[inline]
-pub fn volume_gradients<T: SimdRealField + Copy>(p: [Vector3<T>; 4]) -> [Vector3<T>; 4] {
-    let sixth = T::from_subset(&(1.0 / 6.0));
+#[inline(always)]
+pub fn volume_gradients<T: Real>(p: [Vector3<T>; 4]) -> [Vector3<T>; 4] {
+    let sixth = p[0].x.constant(1.0 / 6.0);
     let (a, b, c) = (p[1] - p[0], p[2] - p[0], p[3] - p[0]);
-    let (ga, gb, gc) = (b.cross(&c) * sixth, c.cross(&a) * sixth, a.cross(&b) * sixth);
+    let (ga, gb, gc) = (cross(&b, &c) * sixth, cross(&c, &a) * sixth, cross(&a, &b) * sixth);
     [-(ga + gb + gc), ga, gb, gc]
 }
 
@@ -33,8 +36,8 @@ const LEAST_DIVISOR: f32 = 1e-4;
 /// Corrections of the four corners for a stiffness from 0 to 1; none where Σ w |∇C|² is at most
 /// `least_divisor` (see [`least_volume_divisor`]), since dividing by it would throw corners away, or
 /// where all are held.
-#[inline]
-pub fn project_volume<T: SimdRealField + Copy>(
+#[inline(always)]
+pub fn project_volume<T: Real>(
     positions: [Vector3<T>; 4],
     inverse_masses: [T; 4],
     rest_volume: T,
@@ -42,16 +45,15 @@ pub fn project_volume<T: SimdRealField + Copy>(
     stiffness: T,
 ) -> [Vector3<T>; 4] {
     let gradients = volume_gradients(positions);
-    let volume = gradients[3].dot(&(positions[3] - positions[0]));
-    let mut divisor = T::zero();
-    for (gradient, w) in gradients.iter().zip(inverse_masses) {
-        divisor += w * gradient.dot(gradient);
+    let volume = dot(&gradients[3], &(positions[3] - positions[0]));
+    let mut divisor = inverse_masses[0] * dot(&gradients[0], &gradients[0]);
+    for corner in 1..4 {
+        divisor += inverse_masses[corner] * dot(&gradients[corner], &gradients[corner]);
     }
-    let solvable = divisor.simd_gt(least_divisor);
-    let scale = (stiffness * (volume - rest_volume) / divisor).select(solvable, T::zero());
+    let scale = (stiffness * (volume - rest_volume) / divisor).where_above(divisor, least_divisor);
     let mut steps = gradients;
-    for (step, w) in steps.iter_mut().zip(inverse_masses) {
-        *step *= -(scale * w);
+    for corner in 0..4 {
+        steps[corner] *= -(scale * inverse_masses[corner]);
     }
     steps
 }

@@ -1,0 +1,153 @@
+//! Gauss-Seidel sweeps over the batches of an island, for any kind of registers.
+
+use nalgebra::Vector3;
+
+use super::active::ActivePart;
+use super::island::Island;
+use super::lanes::{BATCH, Lanes, OnLanes, Particle};
+use super::{
+    EnergyForm, PbdSettings, least_volume_divisor, project_energy, project_energy_paper, project_stretch,
+    project_volume,
+};
+
+/// The batch that is served at a step of a sweep.
+#[inline(always)]
+fn batch_at(batches: &[u32], step: usize, backwards: bool) -> usize {
+    batches[if backwards { batches.len() - 1 - step } else { step }] as usize
+}
+
+/// Stretch constraints (eq. 6) of all active edges.
+pub(super) struct StretchSweep<'a> {
+    pub island: &'a Island,
+    pub active: &'a ActivePart,
+    pub particles: &'a mut [Particle],
+    pub stiffness: f32,
+    pub backwards: bool,
+}
+
+impl OnLanes for StretchSweep<'_> {
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { island, particles, .. } = self;
+        let stiffness = lanes.splat(self.stiffness);
+        for step in 0..self.active.edges.len() {
+            let batch = batch_at(&self.active.edges, step, self.backwards);
+            let [a, b] = &island.edge_batches.particles[batch];
+            for part in 0..L::PARTS {
+                let ((p, w), (q, v)) = (lanes.load(particles, a, part), lanes.load(particles, b, part));
+                let rest_length = lanes.read(&island.rest_lengths[batch][0], part);
+                let steps = project_stretch([p, q], [w, v], rest_length, stiffness);
+                lanes.store(particles, a, part, p + steps[0], w);
+                lanes.store(particles, b, part, q + steps[1], v);
+            }
+        }
+    }
+}
+
+/// Positions and inverse masses of the corners of tetrahedra.
+#[inline(always)]
+pub(super) fn load_tetrahedra<L: Lanes>(
+    lanes: L,
+    particles: &[Particle],
+    corners: &[[u32; BATCH]; 4],
+    part: usize,
+) -> ([Vector3<L::Real>; 4], [L::Real; 4]) {
+    let (a, s) = lanes.load(particles, &corners[0], part);
+    let (b, t) = lanes.load(particles, &corners[1], part);
+    let (c, u) = lanes.load(particles, &corners[2], part);
+    let (d, v) = lanes.load(particles, &corners[3], part);
+    ([a, b, c, d], [s, t, u, v])
+}
+
+/// Volume constraints (eq. 7) of all active tetrahedra.
+pub(super) struct VolumeSweep<'a> {
+    pub island: &'a Island,
+    pub active: &'a ActivePart,
+    pub particles: &'a mut [Particle],
+    pub stiffness: f32,
+    pub backwards: bool,
+}
+
+impl OnLanes for VolumeSweep<'_> {
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { island, particles, .. } = self;
+        let stiffness = lanes.splat(self.stiffness);
+        let rest_volume = lanes.splat(island.rest_volume);
+        let least_divisor = lanes.splat(least_volume_divisor(island.rest_volume));
+        for step in 0..self.active.tetrahedra.len() {
+            let batch = batch_at(&self.active.tetrahedra, step, self.backwards);
+            let corners = &island.tetrahedron_batches.particles[batch];
+            for part in 0..L::PARTS {
+                let (p, w) = load_tetrahedra(lanes, particles, corners, part);
+                let steps = project_volume(p, w, rest_volume, least_divisor, stiffness);
+                for k in 0..4 {
+                    lanes.store(particles, &corners[k], part, p[k] + steps[k], w[k]);
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn read_four<L: Lanes>(lanes: L, numbers: &[[f32; BATCH]; 4], part: usize) -> [L::Real; 4] {
+    [
+        lanes.read(&numbers[0], part),
+        lanes.read(&numbers[1], part),
+        lanes.read(&numbers[2], part),
+        lanes.read(&numbers[3], part),
+    ]
+}
+
+/// Energy constraints (eq. 8-11) of all active tetrahedra.
+pub(super) struct EnergySweep<'a> {
+    pub island: &'a Island,
+    pub active: &'a ActivePart,
+    pub particles: &'a mut [Particle],
+    pub multipliers: &'a mut [[[f32; BATCH]; 4]],
+    pub settings: &'a PbdSettings,
+}
+
+impl OnLanes for EnergySweep<'_> {
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { island, particles, multipliers, settings, .. } = self;
+        let (one, strength) = (lanes.splat(1.0), lanes.splat(settings.energy));
+        for &batch in &self.active.tetrahedra {
+            let batch = batch as usize;
+            let corners = &island.tetrahedron_batches.particles[batch];
+            for part in 0..L::PARTS {
+                let (mut p, w) = load_tetrahedra(lanes, particles, corners, part);
+                let lengths = read_four(lanes, &island.spring_lengths[batch], part);
+                match settings.energy_form {
+                    EnergyForm::Compliant => {
+                        let mut stiffness = lanes.splat(settings.energy * settings.stiffness);
+                        if let Some([share]) = island.stiffness_shares.get(batch) {
+                            stiffness *= lanes.read(share, part);
+                        }
+                        let compliance = one / stiffness + lanes.splat(LEAST_COMPLIANCE);
+                        let kept = &mut multipliers[batch];
+                        let mut sums = read_four(lanes, kept, part);
+                        project_energy(&mut p, w, lengths, compliance, &mut sums);
+                        for spring in 0..4 {
+                            lanes.write(&mut kept[spring], part, sums[spring]);
+                        }
+                    }
+                    EnergyForm::Paper => {
+                        let steps = project_energy_paper(p, w, lengths);
+                        for k in 0..4 {
+                            p[k] += steps[k] * strength;
+                        }
+                    }
+                }
+                for k in 0..4 {
+                    lanes.store(particles, &corners[k], part, p[k], w[k]);
+                }
+            }
+        }
+    }
+}
+
+/// Springs stiffer than this do not converge in a handful of iterations, and what has not converged
+/// looks softer: stiffness saturates here instead.
+const LEAST_COMPLIANCE: f32 = 0.75;

@@ -1,0 +1,120 @@
+//! The last word on volume: no tetrahedron ends nearly flat or inside out.
+
+use super::batches::Batches;
+use super::lanes::{Lanes, OnLanes, Particle, Portable, on_widest_lanes};
+use super::sweeps::load_tetrahedra;
+use super::{Real, least_volume_divisor, project_volume, signed_volume};
+
+/// Share of its rest volume that every tetrahedron keeps.
+const LEAST_VOLUME: f32 = 0.1;
+/// Sweeps over tetrahedra that have less, at most.
+const MOST_SWEEPS: usize = 20;
+
+/// Projects the volume constraint as an inequality: opens tetrahedra of the `active` batches that
+/// have less than a share of their rest volume, and no others. `flat` is a buffer.
+pub(super) fn untangle(
+    batches: &Batches<4>,
+    rest_volume: f32,
+    active: &[u32],
+    particles: &mut [Particle],
+    flat: &mut Vec<u32>,
+) {
+    let least_volume = LEAST_VOLUME * rest_volume;
+    for _ in 0..MOST_SWEEPS {
+        flat.clear();
+        let too_flat = |batch: &&u32| volumes(batches, particles, **batch).any(|v| v < least_volume);
+        flat.extend(active.iter().filter(too_flat));
+        if flat.is_empty() {
+            break;
+        }
+        let least_divisor = least_volume_divisor(rest_volume);
+        on_widest_lanes(Untangling { batches, flat, particles, least_volume, least_divisor });
+    }
+}
+
+/// Tetrahedra of the `active` batches that are inside out.
+pub(super) fn count_inverted(batches: &Batches<4>, active: &[u32], particles: &[Particle]) -> usize {
+    active.iter().map(|&batch| volumes(batches, particles, batch).filter(|v| *v <= 0.0).count()).sum()
+}
+
+/// Signed volumes of the tetrahedra in a batch.
+fn volumes(batches: &Batches<4>, particles: &[Particle], batch: u32) -> impl Iterator<Item = f32> {
+    let corners = &batches.particles[batch as usize];
+    let idle = particles.len() as u32 - 1;
+    let of_part = |part: usize| signed_volume(load_tetrahedra(Portable, particles, corners, part).0);
+    let volumes: [_; Portable::PARTS] = std::array::from_fn(|part| of_part(part).to_array());
+    volumes.into_iter().flatten().zip(corners[0]).filter(move |&(_, corner)| corner != idle).map(|(v, _)| v)
+}
+
+struct Untangling<'a> {
+    batches: &'a Batches<4>,
+    flat: &'a [u32],
+    particles: &'a mut [Particle],
+    least_volume: f32,
+    least_divisor: f32,
+}
+
+impl OnLanes for Untangling<'_> {
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { batches, flat, particles, .. } = self;
+        let (one, least_volume) = (lanes.splat(1.0), lanes.splat(self.least_volume));
+        let least_divisor = lanes.splat(self.least_divisor);
+        for &batch in flat {
+            let corners = &batches.particles[batch as usize];
+            for part in 0..L::PARTS {
+                let (p, w) = load_tetrahedra(lanes, particles, corners, part);
+                let stiffness = one.where_above(least_volume, signed_volume(p));
+                let steps = project_volume(p, w, least_volume, least_divisor, stiffness);
+                for k in 0..4 {
+                    lanes.store(particles, &corners[k], part, p[k] + steps[k], w[k]);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wide::f32x4;
+
+    /// Two tetrahedra on a common triangle, of which one tip has passed through it by `depth`.
+    fn pair(depth: f32, mass: f32) -> (Batches<4>, Vec<Particle>) {
+        let rows = [
+            [0.0, 0.0, 0.0, mass],
+            [1.0, 0.0, 0.0, mass],
+            [0.0, 1.0, 0.0, mass],
+            [0.0, 0.0, -depth, 1.0],
+            [0.0, 0.0, -1.0, mass],
+            [0.0; 4],
+        ];
+        (Batches::new(&[[0, 1, 2, 3], [0, 2, 1, 4]], 5), rows.map(f32x4::new).to_vec())
+    }
+
+    #[test]
+    fn what_is_inside_out_is_opened() {
+        for mass in [0.0, 1.0] {
+            let (batches, mut particles) = pair(0.3, mass);
+            let active = Vec::from_iter(0..batches.particles.len() as u32);
+            assert_eq!(count_inverted(&batches, &active, &particles), 1);
+            untangle(&batches, 1.0 / 6.0, &active, &mut particles, &mut Vec::new());
+            assert_eq!(count_inverted(&batches, &active, &particles), 0);
+            let least = 0.99 * LEAST_VOLUME / 6.0;
+            assert!(active.iter().all(|&b| volumes(&batches, &particles, b).all(|v| v >= least)));
+        }
+    }
+
+    #[test]
+    fn what_is_open_enough_or_not_active_stays() {
+        let (batches, before) = pair(-1.1 * LEAST_VOLUME, 1.0);
+        let active = Vec::from_iter(0..batches.particles.len() as u32);
+        let mut particles = before.clone();
+        untangle(&batches, 1.0 / 6.0, &active, &mut particles, &mut Vec::new());
+        assert_eq!(particles, before);
+        let (batches, before) = pair(0.3, 1.0);
+        let mut particles = before.clone();
+        untangle(&batches, 1.0 / 6.0, &[], &mut particles, &mut Vec::new());
+        assert_eq!(particles, before);
+    }
+}
