@@ -5,6 +5,7 @@
 //! a subclass of `DermisError` (anything else). The contract is in `dermis_native.pyi`.
 
 mod arrays;
+mod bind;
 mod cage;
 mod errors;
 mod mesh;
@@ -20,6 +21,8 @@ mod weights;
 
 #[pyo3::pymodule]
 mod dermis_native {
+    #[pymodule_export]
+    use super::bind::bind_weights;
     #[pymodule_export]
     use super::cage::{PyTetMesh, tetrahedralize};
     #[pymodule_export]

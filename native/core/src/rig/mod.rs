@@ -1,9 +1,12 @@
 //! Skeletons, the regions that they cut a surface into, and weights made from them (section 4.1).
 
+mod bind;
+mod bind_weights;
 mod regions;
 mod segment;
 mod skeleton;
 
+pub use bind_weights::{BindError, BindMethod, BindSettings, bind_weights};
 pub use regions::{JOINT_RADIUS, Region, decompose, joint_radii};
 pub use segment::{closest_on_segment, distance_to_segment};
 pub use skeleton::{Skeleton, SkeletonError};
