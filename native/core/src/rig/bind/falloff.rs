@@ -115,7 +115,7 @@ mod tests {
             }
             rows.iter().filter(|row| row.iter().all(|entry| entry.1 < 0.98)).count()
         };
-        assert!(width(3.0) > width(0.5) + 8, "{} {}", width(3.0), width(0.5));
+        assert!(width(6.0) > 2 * width(2.0), "{} {}", width(6.0), width(2.0));
     }
 
     #[test]

@@ -4,15 +4,24 @@
 use rayon::prelude::*;
 
 use super::body::Body;
+use super::sources::Source;
+use crate::cage::LatticeCage;
+use crate::rig::distance_to_segment;
 
 /// How much nearness counts beside the chance to be met first.
-const NEARNESS: f64 = 2.0;
+const NEARNESS: f64 = 3.0;
 /// How decided the choice is: the larger, the narrower the belt of vertices between two bones.
 const DECISION: f64 = 6.0;
 /// Chances below this are rounding.
 const SMALLEST_CHANCE: f64 = 1e-12;
 /// Vertices nearer to a bone than this share of the mesh's length are on it.
 const ON_BONE: f64 = 1e-4;
+/// A path through the cage is at most this much longer than the straight line that it stands for,
+/// as a share of it and in cells.
+const DETOUR: f64 = 1.1;
+const DETOUR_CELLS: f64 = 1.0;
+/// About what a path gains at its ends, in cells.
+const EXCESS_CELLS: f64 = 0.5;
 /// Shares below this are left out.
 const SMALLEST_SHARE: f64 = 1e-6;
 
@@ -28,9 +37,19 @@ pub(super) struct Labels {
 }
 
 /// Shares of every vertex of the body from the fields on its cage: for each bone (B) the chance to
-/// be met first and the distance of every cage vertex.
-pub(super) fn labels(body: &Body, chances: &[Vec<f64>], distances: &[Vec<f64>]) -> Labels {
-    let corners = body.cage.as_ref().map_or(&[][..], |cage| cage.mesh.vertices());
+/// be met first and the distance of every cage vertex. Where the way from a vertex to a bone is
+/// straight, the straight distance to the bone's `sources` is finer than the cage's.
+pub(super) fn labels(
+    body: &Body,
+    cage: &LatticeCage,
+    sources: &[Source],
+    chances: &[Vec<f64>],
+    distances: &[Vec<f64>],
+) -> Labels {
+    let corners = cage.mesh.vertices();
+    let cell = cage.lattice.cell_size();
+    let mut of_bone: Vec<Vec<Source>> = vec![Vec::new(); distances.len()];
+    sources.iter().for_each(|source| of_bone[source.bone as usize].push(*source));
     let (rows, distances) = body
         .mesh
         .vertices()
@@ -50,6 +69,11 @@ pub(super) fn labels(body: &Body, chances: &[Vec<f64>], distances: &[Vec<f64>]) 
                     .fold(f64::INFINITY, f64::min);
                 if distance.is_finite() {
                     nearest = nearest.min(distance);
+                    let straight = of_bone[bone]
+                        .iter()
+                        .map(|source| distance_to_segment(vertex, source.head, source.tail))
+                        .fold(f64::INFINITY, f64::min);
+                    let distance = through(distance, straight, cell);
                     let score = chance.max(SMALLEST_CHANCE).ln() - NEARNESS * distance.max(ON_BONE).ln();
                     scores.push((bone as u32, DECISION * score));
                 }
@@ -60,8 +84,16 @@ pub(super) fn labels(body: &Body, chances: &[Vec<f64>], distances: &[Vec<f64>]) 
     Labels { rows, distances }
 }
 
+/// Distance through the body from the length of the path through the cage and the straight line.
+fn through(path: f64, straight: f64, cell: f64) -> f64 {
+    match path <= DETOUR * straight + DETOUR_CELLS * cell {
+        true => straight,
+        false => straight.max(path - EXCESS_CELLS * cell),
+    }
+}
+
 /// Shares from logarithms.
-pub(super) fn shares(mut scores: Row) -> Row {
+fn shares(mut scores: Row) -> Row {
     let best = scores.iter().map(|entry| entry.1).fold(f64::NEG_INFINITY, f64::max);
     scores.iter_mut().for_each(|entry| entry.1 = (entry.1 - best).exp());
     scale_to_one(&mut scores);
@@ -81,6 +113,12 @@ pub(super) fn scale_to_one(row: &mut Row) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_straight_way_has_its_straight_length() {
+        assert_eq!(through(1.15, 1.0, 0.1), 1.0);
+        assert_eq!(through(1.55, 1.0, 0.1), 1.5);
+    }
 
     #[test]
     fn shares_sum_to_one_and_keep_the_order() {

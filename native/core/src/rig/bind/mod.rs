@@ -71,5 +71,5 @@ fn labels_of(
     // Where the solve fails the distances decide alone.
     let chances = first_met::first_met(cage, &entrances)
         .unwrap_or_else(|_| distances.iter().map(|column| vec![1.0; column.len()]).collect());
-    Ok(labels::labels(body, &chances, &distances))
+    Ok(labels::labels(body, cage, &sources, &chances, &distances))
 }
