@@ -24,6 +24,7 @@ pub(crate) fn bind_weights(
 ) -> PyResult<PySkinWeights> {
     let method = match method {
         "volumetric" => BindMethod::Volumetric,
+        "paper" => BindMethod::Paper,
         other => {
             return Err(value_error(format!("method must be \"volumetric\" or \"paper\", got \"{other}\"")));
         }

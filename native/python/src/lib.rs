@@ -6,6 +6,7 @@
 
 mod arrays;
 mod bind;
+mod bone_map;
 mod cage;
 mod errors;
 mod mesh;
@@ -23,6 +24,8 @@ mod weights;
 mod dermis_native {
     #[pymodule_export]
     use super::bind::bind_weights;
+    #[pymodule_export]
+    use super::bone_map::{PyBoneMap, map_bones};
     #[pymodule_export]
     use super::cage::{PyTetMesh, tetrahedralize};
     #[pymodule_export]

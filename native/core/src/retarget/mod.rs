@@ -6,6 +6,7 @@ mod chains;
 mod error;
 mod landmarks;
 mod loose_parts;
+mod mapped;
 mod matching;
 mod paper;
 mod shepard;
@@ -19,6 +20,7 @@ pub use bones::pair_bones;
 pub use chains::{Biped, ChainEnd, Chains};
 pub use error::RetargetError;
 pub use landmarks::{check_landmarks, landmarks_from_skeletons};
+pub use mapped::retarget_weights;
 pub use matching::{Descriptors, Match, Regions, best_matches};
 pub use shepard::{NEIGHBOURS, shepard};
 
@@ -73,14 +75,8 @@ pub struct Retargeted {
     pub landmarks: Vec<[u32; 2]>,
 }
 
-/// Gives the target the weights of the source.
-///
-/// Without landmarks both skeletons are needed, and landmarks are chosen on them. Where both
-/// skeletons are given, bones are paired and matches are searched region by region (figure 3).
-///
-/// # Errors
-/// [`RetargetError`]; nothing was changed.
-pub fn retarget_weights(
+/// Retargets between skeletons whose weighted bones pair.
+fn by_method(
     source: Character<'_>,
     source_weights: &SkinWeights,
     target: Character<'_>,

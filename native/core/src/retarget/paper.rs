@@ -33,7 +33,7 @@ pub(super) fn retarget(
 ) -> Result<Retargeted, RetargetError> {
     progress.begin("Reading the characters", 0.0, 0.05)?;
     check_counts(source, source_weights)?;
-    let carries_weight = weighted_bones(source_weights);
+    let carries_weight = source_weights.used_bones();
     let bone_pairs = match (source.skeleton, target.skeleton) {
         (Some(from), Some(to)) => Some(pair_bones(from, to, &carries_weight)?),
         _ => None,
@@ -131,16 +131,6 @@ fn check_counts(source: Character<'_>, weights: &SkinWeights) -> Result<(), Reta
         return Err(RetargetError::NoWeights);
     }
     Ok(())
-}
-
-fn weighted_bones(weights: &SkinWeights) -> Vec<bool> {
-    let mut weighted = vec![false; weights.bone_count()];
-    for vertex in 0..weights.vertex_count() {
-        for &bone in weights.row(vertex).0 {
-            weighted[bone as usize] = true;
-        }
-    }
-    weighted
 }
 
 fn pieces(side: &'static str, mesh: &TriangleMesh) -> Result<Pieces, RetargetError> {

@@ -1,7 +1,7 @@
 //! Weights for a mesh that has none, from its skeleton alone: the one entrance to all methods.
 
-use super::Skeleton;
-use super::bind::bind_volumetric;
+use super::bind::{bind_volumetric, limit_influences};
+use super::{Skeleton, bind_weights_paper};
 use crate::mesh::TriangleMesh;
 use crate::progress::{Cancelled, Progress};
 use crate::skinning::SkinWeights;
@@ -12,6 +12,8 @@ pub enum BindMethod {
     /// Through the volume of the body.
     #[default]
     Volumetric,
+    /// Through the air, as printed (eq. 2).
+    Paper,
 }
 
 /// Choices of a bind.
@@ -19,7 +21,7 @@ pub enum BindMethod {
 pub struct BindSettings {
     /// The method.
     pub method: BindMethod,
-    /// Most bones that one vertex may follow.
+    /// Most bones that one vertex may follow, at least 1. Weights fade out before they are cut off.
     pub max_influences: Option<usize>,
     /// The bones (B) that take part; `None` for all.
     pub bones: Option<Vec<bool>>,
@@ -76,9 +78,10 @@ pub fn bind_weights(
     }
     let weights = match settings.method {
         BindMethod::Volumetric => bind_volumetric(mesh, skeleton, &takes_part, progress)?,
+        BindMethod::Paper => bind_weights_paper(mesh.vertices(), skeleton, &takes_part),
     };
     Ok(match settings.max_influences {
-        Some(count) => weights.limited(count),
+        Some(count) => limit_influences(&weights, count),
         None => weights,
     })
 }

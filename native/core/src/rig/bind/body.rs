@@ -7,6 +7,7 @@
 use glam::{DMat3, DVec3};
 use nalgebra::Matrix3;
 
+use super::skeleton_length;
 use crate::cage::{BccLattice, CageError, Embedding, LatticeCage, Membership, WindingNumber, embed};
 use crate::mesh::{TriangleMesh, weld_seams};
 use crate::progress::{Cancelled, Progress};
@@ -63,13 +64,7 @@ impl Body {
         let place = |points: &[DVec3]| points.iter().map(|&p| frame.apply(p)).collect::<Vec<_>>();
         let (heads, tails) = (place(skeleton.heads()), place(skeleton.tails()));
         let (mesh, welded) = weld(mesh, place(mesh.vertices()));
-        let mut low = DVec3::INFINITY;
-        let mut high = DVec3::NEG_INFINITY;
-        for bone in (0..heads.len()).filter(|&b| takes_part[b]) {
-            low = low.min(heads[bone]).min(tails[bone]);
-            high = high.max(heads[bone]).max(tails[bone]);
-        }
-        let reach = BEYOND_SKELETON * (high - low).max_element();
+        let reach = BEYOND_SKELETON * skeleton_length(&heads, &tails, takes_part);
         let length = if reach > SHORTEST_SKELETON { reach.min(1.0) } else { 1.0 };
         let cage = build_cage(&mesh, length / CELLS_ALONG, progress)?;
         Ok(Self { mesh, welded, heads, tails, length, cage })

@@ -11,6 +11,8 @@ use super::geodesic::Entrance;
 
 /// Cage vertices this near to a bone, in cells, are on it.
 const ON_BONE: f64 = 0.6;
+/// Bones whose distances differ by less, in cells, are equally near: both ends of a joint.
+const EQUALLY_NEAR: f64 = 1e-3;
 /// How strongly a bone holds a walk that touches it, relative to the mean diagonal.
 const HOLD: f64 = 1e3;
 /// A bone outside of the body holds less, the farther it is; relative to the mean diagonal.
@@ -45,25 +47,25 @@ pub(super) fn first_met(cage: &LatticeCage, entrances: &[Entrance]) -> Result<Ve
     Ok(chances)
 }
 
-/// Cage vertices that are on a bone: `(vertex, bone, strength)`. Each goes to its nearest bone, the
-/// lower one where two are equally near; a bone that gets none this way shares its nearest vertex.
+/// Cage vertices that are on a bone: `(vertex, bone, strength)`. Each goes to its nearest bone, in
+/// equal parts where several are equally near; a bone that gets none this way shares its nearest.
 fn holds(cage: &LatticeCage, entrances: &[Entrance]) -> Vec<(usize, usize, f64)> {
     let on_bone = ON_BONE * cage.lattice.cell_size();
-    let mut owner: Vec<Option<(usize, f64)>> = vec![None; cage.mesh.vertices().len()];
+    let equal = EQUALLY_NEAR * cage.lattice.cell_size();
+    let mut owners: Vec<Vec<(usize, f64)>> = vec![Vec::new(); cage.mesh.vertices().len()];
     for (bone, entrance) in entrances.iter().enumerate() {
         for &(vertex, distance) in entrance.iter().filter(|entry| entry.1 < on_bone) {
-            let slot = &mut owner[vertex as usize];
-            if slot.is_none_or(|(_, nearest)| distance < nearest) {
-                *slot = Some((bone, distance));
-            }
+            owners[vertex as usize].push((bone, distance));
         }
     }
     let mut has_vertex = vec![false; entrances.len()];
     let mut holds = Vec::new();
-    for (vertex, slot) in owner.iter().enumerate() {
-        if let Some((bone, _)) = *slot {
+    for (vertex, owners) in owners.iter_mut().enumerate() {
+        let nearest = owners.iter().map(|owner| owner.1).fold(f64::INFINITY, f64::min);
+        owners.retain(|owner| owner.1 <= nearest + equal);
+        for &(bone, _) in owners.iter() {
             has_vertex[bone] = true;
-            holds.push((vertex, bone, HOLD));
+            holds.push((vertex, bone, HOLD / owners.len() as f64));
         }
     }
     for (bone, entrance) in entrances.iter().enumerate().filter(|(bone, _)| !has_vertex[*bone]) {

@@ -6,7 +6,8 @@
 //!    random walk meets this bone before any other (`first_met`).
 //! 3. Both decide, softly, which bone a vertex belongs to (`labels`), and a diffusion over the
 //!    surface makes the falloff (`falloff`).
-//! 4. What the bones do not reach follows what they do (`loose_parts`).
+//! 4. Where the skeleton has a mirror plane, bones keep to their side (`mirror`).
+//! 5. What the bones do not reach follows what they do (`loose_parts`).
 //!
 //! Any mesh with a triangle and any skeleton with a bone gets weights: open, in pieces,
 //! self-intersecting, flat, with bones outside. Moving, turning or scaling mesh and skeleton
@@ -18,13 +19,19 @@ mod falloff;
 mod first_met;
 mod geodesic;
 mod labels;
+mod limit;
 mod loose_parts;
+mod mirror;
 mod sources;
+
+use glam::DVec3;
 
 use crate::mesh::TriangleMesh;
 use crate::progress::{Cancelled, Progress};
 use crate::rig::Skeleton;
 use crate::skinning::SkinWeights;
+
+pub(super) use limit::limit_influences;
 
 use body::Body;
 use labels::{Labels, Row};
@@ -45,10 +52,20 @@ pub(super) fn bind_volumetric(
     let labels = labels_of(&body, skeleton, takes_part, progress)?;
     progress.begin("Smoothing", 0.7, 0.95)?;
     let mut rows = falloff::smoothed(&body.mesh, labels, skeleton.bone_count(), progress)?;
+    mirror::keep_sides(&body, &mut rows, takes_part);
     progress.begin("Attaching loose parts", 0.95, 1.0)?;
     loose_parts::attach(&body, &mut rows, takes_part);
     let rows = body.welded.iter().map(|&v| rows[v as usize].iter().copied());
     Ok(SkinWeights::from_rows(rows, skeleton.bone_count()))
+}
+
+/// Longest side of the bounds of the bones that take part.
+fn skeleton_length(heads: &[DVec3], tails: &[DVec3], takes_part: &[bool]) -> f64 {
+    let bones = (0..heads.len()).filter(|&bone| takes_part[bone]);
+    let (low, high) = bones
+        .flat_map(|bone| [heads[bone], tails[bone]])
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), end| (low.min(end), high.max(end)));
+    (high - low).max_element().max(0.0)
 }
 
 fn labels_of(
