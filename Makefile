@@ -22,9 +22,10 @@ demo: zip ## Retarget weights in Blender, and what the PBD skin does; pictures, 
 test: zip ## Run all tests and linters (Rust, Python, inside Blender)
 	@$(VENV_PYTHON) scripts/run_tests.py
 
-bench: wheel ## Measure the spectral solver, the skin and retargeted weights beside others; tables, bench/*.json and *.png
+bench: zip ## Measure the spectral solver, the skin, a frame's cost and retargeted weights; tables, bench/*.json and *.png
 	@$(VENV_PYTHON) bench/spectral.py
 	@$(VENV_PYTHON) bench/skin.py
+	@$(VENV_PYTHON) bench/skin_frames.py
 	@$(VENV_PYTHON) bench/retarget.py
 
 lint: wheel ## Run the formatters' checks, the linters and the type checker alone

@@ -3,6 +3,7 @@
 
 import bpy
 
+from .check_weights import DERMIS_OT_check
 from .retarget_weights import DERMIS_OT_retarget_weights
 
 
@@ -14,13 +15,22 @@ def draw_retarget(menu, _context):
     layout.operator(DERMIS_OT_retarget_weights.bl_idname)
 
 
+def draw_check(menu, _context):
+    """Entry of Weight Paint > Weights."""
+    layout = menu.layout
+    layout.operator_context = "INVOKE_DEFAULT"
+    layout.operator(DERMIS_OT_check.bl_idname)
+
+
 def register() -> None:
     """Append the entries."""
     bpy.types.VIEW3D_MT_make_links.append(draw_retarget)
     bpy.types.VIEW3D_MT_paint_weight.append(draw_retarget)
+    bpy.types.VIEW3D_MT_paint_weight.append(draw_check)
 
 
 def unregister() -> None:
     """Remove the entries."""
+    bpy.types.VIEW3D_MT_paint_weight.remove(draw_check)
     bpy.types.VIEW3D_MT_paint_weight.remove(draw_retarget)
     bpy.types.VIEW3D_MT_make_links.remove(draw_retarget)

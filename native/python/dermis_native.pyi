@@ -124,9 +124,7 @@ class BoneMap:
     top first, over which the weight is split by position along it.
     """
 
-    def __new__(
-        cls, source_skeleton: Skeleton, target_skeleton: Skeleton, targets: Sequence[Sequence[int]]
-    ) -> Self:
+    def __new__(cls, source_skeleton: Skeleton, target_skeleton: Skeleton, targets: Sequence[Sequence[int]]) -> Self:
         """Your own map: for each source bone its target bones. Raises ValueError naming the first bad bone."""
     @property
     def targets(self) -> list[list[int]]:
@@ -286,13 +284,19 @@ def dual_quaternion_skinning(
     """
 
 def rest_space_offsets(
-    offsets: _Floats, weights: SkinWeights, transforms: _Floats, *, preserve_volume: bool = False
+    offsets: _Floats,
+    weights: SkinWeights,
+    transforms: _Floats,
+    *,
+    preserve_volume: bool = False,
+    shares: _Floats | None = None,
 ) -> tuple[npt.NDArray[np.float32], int]:
     """Offsets (V,3) of the skinned surface taken back to rest by the inverse of what skinning does at
     each vertex: what a shape key has to hold under a live Armature modifier.
 
-    Returns the offsets (V,3) float32 and the number of vertices whose blended matrix is nearly
-    singular; their offsets are limited.
+    shares (V,), 0 to 1, say how much of the skinning each vertex follows. Returns the offsets (V,3)
+    float32 and the number of vertices whose blended matrix is nearly singular; their offsets are
+    limited.
     """
 
 @final
@@ -319,7 +323,8 @@ class PbdSkin:
     same bits, whatever was solved before and on any number of threads. Every setting that is None
     comes from `preset`: "default", "paper" (Algorithm 1 as printed) or "rumman_fratarcangeli".
     Constraint strengths (`stretch`, `volume`, `bind`, `energy`) go from 0 (off) to 1.
-    `stiffness_shares` (V,), 0 to 1, lets the stiffness vary over the surface.
+    `stiffness_shares` (V,), 0 to 1, lets the stiffness vary over the surface. `rest` (B,4,4) are the
+    bones' rest matrices for `skinning="dual_quaternion"`, as in `dual_quaternion_skinning`.
     """
 
     def __new__(
@@ -345,10 +350,21 @@ class PbdSkin:
         cell_size: float | None = None,
         threads: int | None = None,
         stiffness_shares: _Floats | None = None,
+        rest: _Floats | None = None,
     ) -> Self: ...
     def solve(self, transforms: _Floats, vertices: _Floats | None = None) -> npt.NDArray[np.float32]:
         """Vertices (V,3) float32 of a pose: transforms (B,4,4) = pose · rest⁻¹. vertices (V,3) replace
         the rest positions, for shape keys that act before the armature.
+        """
+    def solve_offsets(
+        self, transforms: _Floats, vertices: _Floats | None = None, shares: _Floats | None = None
+    ) -> tuple[npt.NDArray[np.float32], int]:
+        """A pose like `solve`, as offsets (V,3) float32 that plain skinning turns into the solved skin:
+        what a shape key has to hold under a live Armature modifier.
+
+        shares (V,), 0 to 1, say how much of the skinning, and of the correction, each vertex
+        follows. Also returns the number of vertices whose blended matrix is nearly singular; their
+        offsets are limited.
         """
     @property
     def cage(self) -> TetMesh:

@@ -8,6 +8,7 @@ mod arrays;
 mod bind;
 mod bone_map;
 mod cage;
+mod choices;
 mod errors;
 mod mesh;
 mod pbd;

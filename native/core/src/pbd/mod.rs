@@ -3,8 +3,10 @@
 mod active;
 mod areas;
 mod bind;
+mod build;
 mod contact;
 mod contact_setup;
+mod contact_shape;
 mod energy;
 mod error;
 #[cfg(test)]
@@ -30,7 +32,7 @@ pub use energy::{barycentre, project_energy, project_energy_paper, project_sprin
 pub use error::PbdError;
 pub use self_collision::{ProjectionPlane, has_crossed, mean_value_coordinates, relax, signed_distance};
 pub use settings::{EnergyForm, PbdSettings, Region, SkinningMethod, Start};
-pub use skin::{PbdSkin, SolvedSkin};
+pub use skin::{PbdSkin, SolvedOffsets, SolvedSkin};
 pub use smoothing::smooth_correction;
 pub use stats::{ConstraintCounts, Milliseconds, Stats};
 pub use stretch::project_stretch;
