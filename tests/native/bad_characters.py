@@ -18,6 +18,10 @@ def body():
     return character.vertices, character.triangles, (character.heads, character.tails, character.parents)
 
 
+def shifted(points, x=0.0, y=0.0, z=0.0):
+    return points + np.array([x, y, z])
+
+
 def split(vertices, triangles, shrink=1.0):
     """Every triangle by itself, scaled about its middle."""
     corners = vertices[triangles]
@@ -99,8 +103,8 @@ def bad_meshes():
         "inside out": (vertices, flipped),
         "doubled faces": (vertices, np.concatenate([triangles, triangles])),
         "doubled faces back to back": (vertices, np.concatenate([triangles, flipped])),
-        "two bodies in one": joined((vertices, triangles), (vertices + [0.03, 0.02, 0.01], triangles)),
-        "a body inside a body": joined((vertices, triangles), (vertices * 0.98 + [0, 0, 0.01], triangles)),
+        "two bodies in one": joined((vertices, triangles), (shifted(vertices, 0.03, 0.02, 0.01), triangles)),
+        "a body inside a body": joined((vertices, triangles), (shifted(vertices * 0.98, z=0.01), triangles)),
         "needle triangles": (needles, triangles),
         "collapsed triangles": (collapsed(0.2), triangles),
         "repeated corners": (vertices, np.where(some[:, None] < 0.1, triangles[:, [0, 0, 1]], triangles)),
@@ -125,13 +129,13 @@ def bad_skeletons():
     count = len(heads)
     twice = np.concatenate([parents, np.where(parents >= 0, parents + count, -1)])
     skeletons = {
-        "bones beside the body": (heads + [0.3, 0, 0], tails + [0.3, 0, 0], parents),
-        "bones half outside": (heads + [0, 0.08, 0], tails + [0, 0.08, 0], parents),
-        "bones a hundred heights away": (heads + [100.0, 0, 0], tails + [100.0, 0, 0], parents),
-        "a skeleton of a millimetre": (0.001 * heads + [0, 0, 0.5], 0.001 * tails + [0, 0, 0.5], parents),
+        "bones beside the body": (shifted(heads, 0.3), shifted(tails, 0.3), parents),
+        "bones half outside": (shifted(heads, y=0.08), shifted(tails, y=0.08), parents),
+        "bones a hundred heights away": (shifted(heads, 100.0), shifted(tails, 100.0), parents),
+        "a skeleton of a millimetre": (shifted(0.001 * heads, z=0.5), shifted(0.001 * tails, z=0.5), parents),
         "a skeleton of a kilometre": (1000 * heads, 1000 * tails, parents),
         "bones without length": (heads, heads, parents),
-        "all bones in one point": (0 * heads + [0, 0, 0.5], 0 * tails + [0, 0, 0.5], parents),
+        "all bones in one point": (shifted(0 * heads, z=0.5), shifted(0 * tails, z=0.5), parents),
         "one bone": (heads[1:2], tails[1:2], [-1]),
         "every bone a root": (middle, tails, np.full(count, -1)),
         "every bone twice": (np.concatenate([heads, heads]), np.concatenate([tails, tails]), twice),

@@ -134,7 +134,7 @@ def test_place_size_and_order_do_not_matter(seed, exponent):
         TriangleMesh(place(it.vertices)[order], triangles),
         Skeleton(place(skeleton.heads), place(skeleton.tails), skeleton.parents),
     ).to_dense()
-    assert np.abs(elsewhere - weights[order]).sum(axis=1).mean() < 1e-3
+    assert np.abs(elsewhere - weights[order]).sum(axis=1).mean() < 1e-4
 
 
 def test_bones_may_be_in_another_order():
@@ -143,7 +143,7 @@ def test_bones_may_be_in_another_order():
     order = np.random.default_rng(0).permutation(len(skeleton))
     parents = np.append(np.argsort(order), -1)[skeleton.parents[order]]
     other = bind_weights(mesh, Skeleton(skeleton.heads[order], skeleton.tails[order], parents)).to_dense()
-    assert np.abs(other - bind_weights(mesh, skeleton).to_dense()[:, order]).sum(axis=1).mean() < 0.01
+    assert np.abs(other - bind_weights(mesh, skeleton).to_dense()[:, order]).sum(axis=1).mean() < 1e-4
 
 
 def test_the_same_bits_on_any_number_of_threads():
@@ -181,7 +181,7 @@ def test_chosen_bones_and_limits():
         limited = bind(it, max_influences=limit)
         assert_valid(limited, len(it.vertices), len(names))
         assert np.count_nonzero(limited, axis=1).max() <= limit
-    assert (bind(it, bones=["a" == name for name in ("b",) * (len(names) - 1)] + [True])[:, -1] == 1).all()
+    assert (bind(it, bones=np.arange(len(names)) == 7)[:, 7] == 1).all()
 
 
 def test_wrong_arguments_are_named():
