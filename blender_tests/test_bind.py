@@ -8,8 +8,10 @@ from types import SimpleNamespace
 
 import bpy
 import characters as c
+import makehuman
 import numpy as np
 import pytest
+from mathutils import Euler, Matrix
 from scratch_profile import MODULE
 from test_modal import Context, event, stand_in_for, until_ended
 
@@ -73,7 +75,7 @@ def test_a_body_keeps_left_and_right_apart():
     left, right = (np.array([name.endswith(side) for name in names]) for side in (".L", ".R"))
     other = weights[x > 0.02][:, right].sum() + weights[x < -0.02][:, left].sum()
     assert other / len(x) <= 0.001
-    assert (weights.max(axis=0) > 0.9).all()
+    assert (weights.max(axis=0) > 0.8).all()
 
 
 def test_moves_with_the_pose():
@@ -99,29 +101,26 @@ def test_what_is_on_the_body_follows_it():
     assert on_body[0, 2] > 0.9
     heights = np.array([v.co.z for v in ob.data.vertices])
     ring = np.array([(collar.matrix_world @ v.co).z for v in collar.data.vertices])
-    for height in (1.75, 2.0, 2.25):
-        near = [weights[np.abs(z - height) < 0.15].mean(axis=0) for weights, z in ((body, heights), (around, ring))]
-        assert np.abs(near[0] - near[1]).sum() < 0.3
+    at_joint = [weights[np.abs(z - 2.0) < 0.01].mean(axis=0) for weights, z in ((body, heights), (around, ring))]
+    assert np.abs(at_joint[0] - at_joint[1]).sum() < 0.1
+    assert around[ring < 1.75, 1].mean() > 0.5 > around[ring > 2.25, 1].mean()
     assert bind(rig, ob, button, collar, use_together=False) == {"FINISHED"}
     for each in (ob, button, collar):
         assert_bound(each, rig)
 
 
 def test_the_place_of_the_objects_does_not_matter():
-    ob, rig = bare_tube()
+    ob, rig = c.biped("Body", seed=1)
+    names = c.bone_names(rig)
     bind(rig, ob)
-    weights = c.dense(ob, NAMES)
-    other, other_rig = bare_tube("Other")
-    other.matrix_world = other_rig.matrix_world = (
-        bpy.data.objects["Tube"].matrix_world.copy().Translation((3, 2, 1))
-        @ ob.matrix_world.copy().Rotation(0.7, 4, (1, 2, 3))
-        @ ob.matrix_world.copy().Scale(7, 4)
-    )
+    weights = c.dense(ob, names)
+    place = Matrix.LocRotScale((3, 2, 1), Euler((0.4, 0.7, -1.1)), (7, 7, 7))
+    ob.parent = None
+    ob.matrix_world = rig.matrix_world = place
     bpy.context.view_layer.update()
-    place = other.matrix_world.copy()
-    bind(other_rig, other)
-    np.testing.assert_allclose(np.array(other.matrix_world), np.array(place), atol=1e-5)
-    assert np.abs(c.dense(other, NAMES) - weights).sum(axis=1).mean() < 0.01
+    bind(rig, ob)
+    np.testing.assert_allclose(np.array(ob.matrix_world), np.array(place), atol=1e-5)
+    assert np.abs(c.dense(ob, names) - weights).sum(axis=1).mean() < 0.01
 
 
 def test_locked_groups_and_groups_without_a_bone_stay():
@@ -223,7 +222,7 @@ def test_a_failed_write_leaves_everything_as_it_was(monkeypatch):
             raise OSError("disk on fire")
 
     monkeypatch.setattr(module, "attach_armature", fails_at_the_last)
-    failed(rig, ob, second, match="Disk on fire")
+    refused(rig, ob, second, match="Disk on fire. Nothing was changed.")
 
 
 def test_refusals():
@@ -279,6 +278,24 @@ def test_where_bone_heat_fails():
     place = {}
     for corner, row in zip(corners, weights, strict=True):
         np.testing.assert_allclose(place.setdefault(tuple(np.round(corner, 5)), row), row, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["YOUNG_MALE", "CHILD", "HEAVY", "OLD_WOMAN"])
+def test_nearer_to_the_artist_than_blenders_bone_heat(name):
+    body = makehuman.decimated(makehuman.body(name, **getattr(makehuman, name)), 8000)
+    errors = []
+    for own in (True, False):
+        ob = c.mesh_object(f"{name} {own}", body.vertices, body.triangles.tolist())
+        parents = [None if parent < 0 else body.bone_names[parent] for parent in body.parents]
+        rig = c.armature("Rig", zip(body.bone_names, parents, body.heads, body.tails, strict=True))
+        rig.data.bones["Root"].use_deform = False
+        c.activate(rig, ob)
+        done = bpy.ops.dermis.bind_weights() if own else bpy.ops.object.parent_set(type="ARMATURE_AUTO")
+        assert done == {"FINISHED"}
+        weights = c.dense(ob, body.bone_names)
+        errors.append(np.abs(weights - body.weights).sum(axis=1).mean())
+    assert errors[0] <= 0.42
+    assert errors[0] < errors[1]
 
 
 @pytest.fixture

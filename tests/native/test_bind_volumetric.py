@@ -7,33 +7,17 @@ import sys
 from pathlib import Path
 
 import characters
-import makehuman
 import numpy as np
 import pytest
 from bad_characters import bad_characters
-from dermis_native import Cancelled, Progress, Skeleton, SkinWeights, TriangleMesh, bind_weights, linear_blend_skinning
+from bind_figures import BODIES, character, on_the_other_side, stretched_edges
+from dermis_native import Cancelled, Progress, Skeleton, TriangleMesh, bind_weights
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.spatial.transform import Rotation
 
 LARGEST_ERROR = 0.42
-BODIES = {
-    "young man": makehuman.YOUNG_MALE,
-    "child": makehuman.CHILD,
-    "heavy man": makehuman.HEAVY,
-    "old woman": makehuman.OLD_WOMAN,
-    "baby": characters.BABY,
-    "thin and tall": characters.THIN_AND_TALL,
-    "strong": {"gender": 1.0, "muscle": 1.0, "height": 0.8},
-    "heavy woman": {"gender": 0.0, "age": 0.6, "weight": 1.0, "height": 0.3},
-    "long legs": {"gender": 0.2, "proportions": 1.0, "height": 0.7},
-    "short": {"gender": 0.7, "proportions": 0.0, "height": 0.1, "weight": 0.7},
-}
-
-
-def character(name, triangles=8000):
-    return characters.remeshed(characters.body(name, **BODIES[name]), triangles)
 
 
 def bind(it, **options):
@@ -45,23 +29,6 @@ def assert_valid(weights, vertex_count, bone_count):
     assert weights.shape == (vertex_count, bone_count)
     assert (weights >= 0).all()
     assert np.abs(weights.sum(axis=1, dtype=np.float64) - 1).max() <= 1e-6
-
-
-def on_the_other_side(it, weights):
-    """Share of all weight that bones of one side have on vertices of the other."""
-    sides = np.array([characters.side_of(name) for name in it.bone_names])
-    margin = 0.01 * characters.extent(it)
-    x = it.vertices[:, 0]
-    return (weights[x > margin][:, sides < 0].sum() + weights[x < -margin][:, sides > 0].sum()) / len(weights)
-
-
-def stretched_edges(it, weights):
-    """Share of edges longer than twice their rest length, over random poses."""
-    edges = np.unique(np.sort(it.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-    length = lambda points: np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)  # noqa: E731
-    skin = SkinWeights.from_dense(weights)
-    poses = [linear_blend_skinning(it.vertices, skin, transforms) for transforms in characters.random_poses(it)]
-    return np.mean([(length(pose) > 2 * length(it.vertices)).mean() for pose in poses])
 
 
 @pytest.mark.parametrize("name", BODIES)
