@@ -10,6 +10,7 @@ from scratch_profile import MODULE, PROFILE
 
 OPERATORS = (
     "retarget_weights",
+    "bind_weights",
     "check",
     "select_problems",
     "map_bones",
@@ -26,6 +27,7 @@ OPERATORS = (
 PANELS = (
     "DERMIS_PT_retarget",
     "DERMIS_PT_landmarks",
+    "DERMIS_PT_bind",
     "DERMIS_PT_check",
     "DERMIS_PT_bone_map",
     "DERMIS_UL_bone_map",
@@ -33,7 +35,11 @@ PANELS = (
     "DERMIS_PT_skin",
     "DERMIS_PT_skin_settings",
 )
-MENUS = ("VIEW3D_MT_make_links", "VIEW3D_MT_paint_weight")
+MENUS = {
+    "VIEW3D_MT_make_links": ("dermis.retarget_weights",),
+    "VIEW3D_MT_paint_weight": ("dermis.retarget_weights", "dermis.check"),
+    "VIEW3D_MT_object_parent": ("dermis.bind_weights",),
+}
 
 
 class Options:
@@ -143,12 +149,12 @@ def test_register_and_unregister_twice():
 
 
 def test_menus():
-    for menu in MENUS:
+    for menu, operators in MENUS.items():
         stand_in = Drawn()
         for entry in entries(menu):
             entry(stand_in, bpy.context)
-        assert "dermis.retarget_weights" in stand_in.layout.drawn
-        assert ("dermis.check" in stand_in.layout.drawn) == (menu == "VIEW3D_MT_paint_weight")
+        drawn = [item for item in stand_in.layout.drawn if str(item).startswith("dermis.")]
+        assert drawn == list(operators)
 
 
 def test_operators_undo_and_have_descriptions():

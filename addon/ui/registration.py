@@ -6,7 +6,8 @@ from contextlib import ExitStack
 import bpy
 
 from ..blender import check_reports, skin_handlers
-from . import bone_map_panel, check_panel, menus, panel, properties, skin_panel, skin_properties
+from . import bind_panel, bone_map_panel, check_panel, menus, panel, properties, skin_panel, skin_properties
+from .bind_weights import DERMIS_OT_bind_weights
 from .bone_map_add import DERMIS_OT_bone_map_add
 from .bone_map_clear import DERMIS_OT_bone_map_clear
 from .bone_map_fill import DERMIS_OT_map_bones
@@ -23,6 +24,7 @@ from .skin_enable import DERMIS_OT_skin_enable
 
 CLASSES = (
     DERMIS_OT_retarget_weights,
+    DERMIS_OT_bind_weights,
     DERMIS_OT_check,
     DERMIS_OT_select_problems,
     DERMIS_OT_map_bones,
@@ -37,6 +39,7 @@ CLASSES = (
     DERMIS_OT_skin_disable,
     *panel.CLASSES,
     *bone_map_panel.CLASSES,
+    *bind_panel.CLASSES,
     *check_panel.CLASSES,
     *skin_panel.CLASSES,
 )

@@ -249,11 +249,22 @@ def bind_weights(
     mesh: TriangleMesh,
     skeleton: Skeleton,
     *,
-    method: Literal["paper"] = "paper",
+    method: Literal["volumetric", "paper"] = "volumetric",
     max_influences: int | None = None,
+    bones: npt.NDArray[np.bool_] | _Integers | Sequence[int] | Sequence[bool] | None = None,
+    progress: Progress | None = None,
 ) -> SkinWeights:
-    """Weights made from the skeleton alone: by the distance to the three nearest bones in a joint
-    area, to the two nearest elsewhere (eq. 2, section 4.1). A vertex on a bone belongs to it alone.
+    """Weights for a mesh that has none, from its skeleton alone.
+
+    "volumetric": through the body, after the idea of geodesic voxel binding (Dionne & de Lasa 2013).
+    A vertex belongs to the bone that is near through the body and that a random walk from it meets
+    first; a diffusion over the surface makes the falloff. Works on any mesh with a triangle: open,
+    in pieces, self-intersecting, flat, with bones outside; what no bone reaches follows the nearest
+    surface. "paper": by the distance through the air to the three nearest bones in a joint area, to
+    the two nearest elsewhere (eq. 2, section 4.1); a vertex on a bone belongs to it alone.
+
+    bones chooses those that take part, as a mask (B,) or as indices; None takes all. max_influences
+    limits the bones of a vertex; weights fade out before they are cut off. Rows sum to 1.
     """
 
 def linear_blend_skinning(vertices: _Floats, weights: SkinWeights, transforms: _Floats) -> npt.NDArray[np.float32]:

@@ -66,3 +66,10 @@ pub(crate) fn retarget_error(error: dermis::retarget::RetargetError) -> PyErr {
         | Error::TooFewLandmarks { .. } => RetargetError::new_err(error.to_string()),
     }
 }
+
+pub(crate) fn bind_error(error: dermis::rig::BindError) -> PyErr {
+    match error {
+        dermis::rig::BindError::Cancelled(cancelled) => Cancelled::new_err(cancelled.to_string()),
+        error => value_error(error),
+    }
+}
