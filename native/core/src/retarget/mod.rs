@@ -1,14 +1,21 @@
 //! Weight retargeting: the weights of one character for another (section 5, Algorithm 2).
 
+mod auto;
 mod body;
+mod bone_rays;
+mod bone_rotations;
 mod bones;
 mod chains;
 mod error;
+mod joint_refinement;
+mod joint_system;
 mod landmarks;
 mod loose_parts;
 mod matching;
 mod paper;
+mod rigid_fit;
 mod shepard;
+mod warp;
 
 use crate::mesh::TriangleMesh;
 use crate::progress::Progress;
@@ -89,6 +96,10 @@ pub fn retarget_weights(
     progress: &Progress,
 ) -> Result<Retargeted, RetargetError> {
     match settings.method {
+        Method::Auto if source.skeleton.is_some() && target.skeleton.is_some() => {
+            let (Some(a), Some(b)) = (source.skeleton, target.skeleton) else { unreachable!() };
+            auto::retarget((source.mesh, a), source_weights, (target.mesh, b), settings, progress)
+        }
         Method::Auto | Method::Paper => {
             paper::retarget(source, source_weights, target, landmarks, settings, progress)
         }

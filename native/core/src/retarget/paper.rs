@@ -133,7 +133,7 @@ fn check_counts(source: Character<'_>, weights: &SkinWeights) -> Result<(), Reta
     Ok(())
 }
 
-fn weighted_bones(weights: &SkinWeights) -> Vec<bool> {
+pub(super) fn weighted_bones(weights: &SkinWeights) -> Vec<bool> {
     let mut weighted = vec![false; weights.bone_count()];
     for vertex in 0..weights.vertex_count() {
         for &bone in weights.row(vertex).0 {

@@ -175,6 +175,11 @@ impl Skeleton {
         Self { heads: place(&self.heads), tails: place(&self.tails), ..like.clone() }
     }
 
+    /// The same bones at other places. Takes B finite heads and tails.
+    pub(crate) fn moved(&self, heads: Vec<DVec3>, tails: Vec<DVec3>) -> Self {
+        Self { heads, tails, ..self.clone() }
+    }
+
     /// Length of a bone.
     #[must_use]
     pub fn length(&self, bone: usize) -> f64 {
