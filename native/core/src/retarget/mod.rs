@@ -1,14 +1,19 @@
 //! Weight retargeting: the weights of one character for another (section 5, Algorithm 2).
 
+pub mod bilaplacian;
 mod body;
 mod bones;
 mod chains;
+pub mod deform;
 mod error;
 mod landmarks;
 mod loose_parts;
 mod matching;
 mod paper;
+mod rigid_fit;
 mod shepard;
+#[cfg(test)]
+mod test_surfaces;
 
 use crate::mesh::TriangleMesh;
 use crate::progress::Progress;
