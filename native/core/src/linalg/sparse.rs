@@ -256,8 +256,7 @@ impl SymmetricMatrix {
                 }
                 let range = self.pattern.column_starts[column]..self.pattern.column_starts[column + 1];
                 let place = self.pattern.rows[range.clone()].binary_search(&row);
-                let entry =
-                    &mut sum.values[range.start + place.map_err(|_| LinalgError::PatternMismatch)?];
+                let entry = &mut sum.values[range.start + place.map_err(|_| LinalgError::PatternMismatch)?];
                 *entry += value;
                 if !entry.is_finite() {
                     return Err(non_finite(row, column));

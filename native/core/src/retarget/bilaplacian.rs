@@ -100,8 +100,7 @@ pub fn factor(symbolic: &SymbolicCholesky, matrix: &SymmetricMatrix) -> Result<C
         if !matches!(outcome, Err(LinalgError::NotPositiveDefinite { .. })) {
             break;
         }
-        outcome =
-            Cholesky::factor(symbolic, &matrix.add_scaled_diagonal(shift, &matrix.diagonal())?);
+        outcome = Cholesky::factor(symbolic, &matrix.add_scaled_diagonal(shift, &matrix.diagonal())?);
     }
     outcome
 }

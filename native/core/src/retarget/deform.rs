@@ -376,7 +376,11 @@ mod tests {
     fn with_outliers(sphere: &TriangleMesh) -> (Vec<Constraint>, Vec<DVec3>) {
         let bend = |p: DVec3| p + DVec3::new(0.1 * p.y * p.y, 0.15 * p.x * p.z, 0.1 * p.y);
         let marks = (0..sphere.vertex_count()).step_by(8).enumerate().map(|(k, v)| {
-            let wrong = if k % 10 == 3 { DVec3::new(-0.9, 0.7, 0.8) * sphere.vertices()[v].abs() } else { DVec3::ZERO };
+            let wrong = if k % 10 == 3 {
+                DVec3::new(-0.9, 0.7, 0.8) * sphere.vertices()[v].abs()
+            } else {
+                DVec3::ZERO
+            };
             pin(v, bend(sphere.vertices()[v]) + wrong)
         });
         (marks.collect(), sphere.vertices().iter().map(|&p| bend(p)).collect())
@@ -456,11 +460,8 @@ mod tests {
         let (marks, _) = with_outliers(&sphere);
         let found = fit(&sphere, &marks, &DeformSettings::default());
         let (shuffled, new) = permuted(&sphere);
-        let moved_marks: Vec<Constraint> = marks
-            .iter()
-            .enumerate()
-            .map(|(k, mark)| pin(new[8 * k] as usize, mark.position))
-            .collect();
+        let moved_marks: Vec<Constraint> =
+            marks.iter().enumerate().map(|(k, mark)| pin(new[8 * k] as usize, mark.position)).collect();
         let again = fit(&shuffled, &moved_marks, &DeformSettings::default());
         for (v, &n) in new.iter().enumerate() {
             assert!(found.vertices[v].distance(again.vertices[n as usize]) < 1e-6);
@@ -471,9 +472,9 @@ mod tests {
                 .iter()
                 .map(|mark| Constraint { position: motion.transform_point3(mark.position), ..*mark })
                 .collect();
-            let again = fit(&mapped(&sphere, |p| motion.transform_point3(p)), &marks, &DeformSettings::default());
-            let expected: Vec<DVec3> =
-                found.vertices.iter().map(|&p| motion.transform_point3(p)).collect();
+            let again =
+                fit(&mapped(&sphere, |p| motion.transform_point3(p)), &marks, &DeformSettings::default());
+            let expected: Vec<DVec3> = found.vertices.iter().map(|&p| motion.transform_point3(p)).collect();
             assert!(farthest(&again.vertices, &expected) < 1e-4 * scale);
         }
     }

@@ -6,11 +6,17 @@ mod bones;
 mod chains;
 pub mod deform;
 mod error;
+mod geodesic;
+pub mod icp;
+pub mod inpaint;
 mod landmarks;
 mod loose_parts;
 mod matching;
 mod paper;
+mod parallel;
+pub mod rejection;
 mod rigid_fit;
+pub mod shell;
 mod shepard;
 #[cfg(test)]
 mod test_surfaces;

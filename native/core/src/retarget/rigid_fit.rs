@@ -63,7 +63,8 @@ mod tests {
             translation: DVec3::new(1.0, -2.0, 3.0),
         };
         let points = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(2.0, 1.0, 0.0)];
-        let pairs: Vec<_> = points.iter().zip(1..).map(|(&p, w)| (p, motion.apply(p), f64::from(w))).collect();
+        let pairs: Vec<_> =
+            points.iter().zip(1..).map(|(&p, w)| (p, motion.apply(p), f64::from(w))).collect();
         let found = rigid_fit(&pairs);
         let point = DVec3::new(0.3, 0.4, 5.0);
         assert!(found.apply(point).distance(motion.apply(point)) < 1e-12);

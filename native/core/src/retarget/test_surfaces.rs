@@ -61,8 +61,7 @@ pub(super) fn tube(radius: f64, height: f64, around: u32, along: u32) -> Triangl
     let place = |i: u32| {
         let (k, level) = (i % around, i / around);
         // Every second ring is turned by half a step, so that no two triangles are coplanar.
-        let angle =
-            std::f64::consts::TAU * (f64::from(k) + 0.5 * f64::from(level % 2)) / f64::from(around);
+        let angle = std::f64::consts::TAU * (f64::from(k) + 0.5 * f64::from(level % 2)) / f64::from(around);
         let z = height * f64::from(level) / f64::from(along);
         DVec3::new(radius * angle.cos(), radius * angle.sin(), z)
     };
