@@ -4,8 +4,8 @@
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::warp::Warp;
-use crate::mesh::{RayHit, SurfaceQuery, TriangleMesh};
+use super::icp::Surroundings;
+use crate::mesh::{RayHit, TriangleMesh};
 use crate::rig::Skeleton;
 use crate::skinning::SkinWeights;
 
@@ -15,20 +15,10 @@ const STEEP: f64 = 0.2;
 /// A ray belongs to its bone where it leaves the source through skin that the bone moves.
 const OWN_WEIGHT: f64 = 0.3;
 
-/// A surface with its queries and the side that its triangles face.
-pub(super) struct Surface<'a> {
-    pub(super) mesh: &'a TriangleMesh,
-    pub(super) query: SurfaceQuery,
-    /// -1 for a surface that is inside out.
-    pub(super) outward: f64,
-}
-
 /// Where a pair of rays left the two surfaces.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RayPair {
     pub(super) bone: u32,
-    /// Place along the bone, 0 at the head.
-    pub(super) station: f64,
     pub(super) source: RayHit,
     pub(super) target: RayHit,
 }
@@ -47,12 +37,11 @@ pub(super) struct Fan<'a> {
 }
 
 /// Shoots a fan of rays from every bone that takes part, on the source from its own skeleton, on
-/// the target from the aligned skeleton, turned as the warp turns them. Keeps the pairs of which
-/// both leave their surface outward, on the source through the bone's own skin.
+/// the target from the aligned skeleton, each bone turned by its rotation (B). Keeps the pairs of
+/// which both leave their surface outward, on the source through skin that the bone moves.
 pub(super) fn shoot(
-    (source, skeleton, weights): (&Surface<'_>, &Skeleton, &SkinWeights),
-    (target, aligned): (&Surface<'_>, &Skeleton),
-    warp: &Warp,
+    (source, skeleton, weights): (Surroundings<'_>, &Skeleton, &SkinWeights),
+    (target, aligned, rotations): (Surroundings<'_>, &Skeleton, &[DMat3]),
     takes_part: &[bool],
     fan: &Fan<'_>,
 ) -> Vec<RayPair> {
@@ -73,8 +62,8 @@ pub(super) fn shoot(
                 if own_weight(source.mesh, weights, on_source.triangle, b as u32) < OWN_WEIGHT {
                     continue;
                 }
-                if let Some(on_target) = exit(target, goal, warp.bones[b].rotation * direction) {
-                    pairs.push(RayPair { bone: b as u32, station, source: on_source, target: on_target });
+                if let Some(on_target) = exit(target, goal, rotations[b] * direction) {
+                    pairs.push(RayPair { bone: b as u32, source: on_source, target: on_target });
                 }
             }
         }
@@ -109,27 +98,14 @@ pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     }
 }
 
-/// Side that a surface faces: rays from inside mostly leave through the outer side of triangles.
-pub(super) fn outward(mesh: &TriangleMesh, query: &SurfaceQuery, skeleton: &Skeleton, takes_part: &[bool]) -> f64 {
-    let centre = centre(mesh);
-    let mut balance = 0i64;
-    for b in (0..takes_part.len()).filter(|&b| takes_part[b] && skeleton.length(b) > 0.0) {
-        let middle = 0.5 * (skeleton.heads()[b] + skeleton.tails()[b]);
-        let frame = ray_frame(skeleton, b, centre);
-        for direction in [frame.x_axis, frame.y_axis, -frame.x_axis, -frame.y_axis] {
-            if let Some(hit) = query.cast_ray(middle, direction) {
-                balance += if mesh.area_vector(hit.triangle as usize).dot(direction) < 0.0 { -1 } else { 1 };
-            }
-        }
-    }
-    if balance < 0 { -1.0 } else { 1.0 }
-}
-
 /// First hit of a ray, if it leaves the surface there.
-fn exit(surface: &Surface<'_>, origin: DVec3, direction: DVec3) -> Option<RayHit> {
+fn exit(surface: Surroundings<'_>, origin: DVec3, direction: DVec3) -> Option<RayHit> {
     let hit = surface.query.cast_ray(origin, direction)?;
-    let normal = surface.mesh.area_vector(hit.triangle as usize).normalize_or_zero() * surface.outward;
-    (hit.distance > 0.0 && normal.dot(direction) > STEEP).then_some(hit)
+    let corner = surface.mesh.triangles()[hit.triangle as usize][0] as usize;
+    let normal = surface.mesh.area_vector(hit.triangle as usize).normalize_or_zero();
+    let steep = normal.dot(direction) * surface.shell.side[corner];
+    let steep = if surface.shell.two_sided[corner] { steep.abs() } else { steep };
+    (hit.distance > 0.0 && steep > STEEP).then_some(hit)
 }
 
 /// Mean weight of a bone at the corners of a triangle, as a share of all weights there.
@@ -171,19 +147,4 @@ fn centre(mesh: &TriangleMesh) -> DVec3 {
         total += area;
     }
     if total > 0.0 { sum / total } else { DVec3::ZERO }
-}
-
-/// Size of a character that does not depend on how it is turned: the height of a standing person
-/// whose surface has the same root mean square distance from its middle.
-pub(super) fn extent(mesh: &TriangleMesh) -> f64 {
-    const PERSON: f64 = 3.6;
-    let centre = centre(mesh);
-    let (mut sum, mut total) = (0.0, 0.0);
-    for triangle in 0..mesh.triangles().len() {
-        let area = mesh.area_vector(triangle).length();
-        let middle = mesh.corners(triangle).into_iter().sum::<DVec3>() / 3.0;
-        sum += middle.distance_squared(centre) * area;
-        total += area;
-    }
-    if total > 0.0 { PERSON * (sum / total).sqrt() } else { 0.0 }
 }

@@ -36,8 +36,7 @@ pub(super) fn bone_rotations(source: &Skeleton, target: &Skeleton, takes_part: &
         let (mut cosine, mut sine) = (PARENT, 0.0);
         for &child in children[b].iter().filter(|&&c| takes_part[c as usize]) {
             let c = child as usize;
-            for (at, goal) in
-                [(source.heads()[c], target.heads()[c]), (source.tails()[c], target.tails()[c])]
+            for (at, goal) in [(source.heads()[c], target.heads()[c]), (source.tails()[c], target.tails()[c])]
             {
                 let (x, y) = plane(swung * (at - source.heads()[b]) / source.length(b));
                 let (u, v) = plane((goal - target.heads()[b]) / target.length(b));
@@ -60,10 +59,7 @@ fn whole_rotation(source: &Skeleton, target: &Skeleton, takes_part: &[bool]) -> 
     let bones = (0..takes_part.len()).filter(|&b| takes_part[b]);
     let pairs: Vec<(DVec3, DVec3, f64)> = bones
         .flat_map(|b| {
-            [
-                (source.heads()[b], target.heads()[b], 1.0),
-                (source.tails()[b], target.tails()[b], 1.0),
-            ]
+            [(source.heads()[b], target.heads()[b], 1.0), (source.tails()[b], target.tails()[b], 1.0)]
         })
         .collect();
     rigid_fit(&pairs).rotation
@@ -112,7 +108,8 @@ mod tests {
         // The hand (bone 1) and its fingers turn about the arm, the arm (bone 0) does not.
         let turn = DMat3::from_axis_angle(DVec3::X, 1.2);
         let mut target = turned(&hand(), turn, DVec3::ZERO);
-        target = Skeleton::new(target.heads().to_vec(), target.tails().to_vec(), &[-1, 0, 1, 1], None).unwrap();
+        target =
+            Skeleton::new(target.heads().to_vec(), target.tails().to_vec(), &[-1, 0, 1, 1], None).unwrap();
         let found = bone_rotations(&hand(), &target, &[true; 4]);
         assert!((found[1] * DVec3::Y).dot(turn * DVec3::Y) > 0.9);
     }

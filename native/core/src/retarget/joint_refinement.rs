@@ -9,11 +9,11 @@
 //! were placed by eye find their place inside the limb.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::RetargetError;
-use super::bone_rays::Surface;
-use super::joint_system::{self, Meeting, Unknowns};
+use super::icp::Surroundings;
+use super::joint_system::{self, Meeting, Unknowns, typical_distances};
+use super::parallel::map_indices;
 use super::warp::Warp;
 use crate::mesh::TriangleMesh;
 use crate::progress::Progress;
@@ -42,8 +42,7 @@ const NORMALS: f64 = 0.5;
 
 /// A source and the skeleton that it is aligned to.
 pub(super) struct Alignment<'a> {
-    pub(super) mesh: &'a TriangleMesh,
-    pub(super) outward: f64,
+    pub(super) source: Surroundings<'a>,
     pub(super) skeleton: &'a Skeleton,
     pub(super) weights: &'a SkinWeights,
     pub(super) takes_part: &'a [bool],
@@ -68,72 +67,104 @@ impl Alignment<'_> {
 /// [`RetargetError::Cancelled`], [`RetargetError::Linalg`].
 pub(super) fn refine(
     alignment: &mut Alignment<'_>,
-    target: &Surface<'_>,
+    target: Surroundings<'_>,
     extent: f64,
     settings: &FitSettings,
     progress: &Progress,
 ) -> Result<(), RetargetError> {
     let unknowns = Unknowns::new(alignment.skeleton, &alignment.aligned, alignment.takes_part, extent);
-    let target_normals: Vec<DVec3> =
-        target.mesh.vertex_normals().into_iter().map(|n| n * target.outward).collect();
+    let given = (alignment.aligned.clone(), alignment.log_girths.clone());
+    let mut before = Vec::new();
     for step in 0..settings.steps {
-        progress.report(f64::from(step) / f64::from(settings.steps))?;
+        let shares = [step, step + 1].map(|step| f64::from(step) / f64::from(settings.steps));
         let warp = alignment.warp();
-        let points = warp.apply(alignment.mesh.vertices(), alignment.weights);
-        let meetings = meet(alignment, &points, target, &target_normals, progress)?;
-        let step = joint_system::step(alignment, &warp, &points, &meetings, &unknowns, settings.joint_error * extent);
+        let points = warp.apply(alignment.source.mesh.vertices(), alignment.weights);
+        let meetings = meet(alignment, &points, target, shares, progress)?;
+        if before.is_empty() {
+            before = typical_distances(alignment.weights, &meetings);
+        }
+        let step = joint_system::step(
+            alignment,
+            &warp,
+            &points,
+            &meetings,
+            &unknowns,
+            settings.joint_error * extent,
+        );
         let step = step.map_err(|error| RetargetError::Spectral { side: "target", error: error.into() })?;
         update(alignment, &unknowns, &step);
     }
+    let points = alignment.warp().apply(alignment.source.mesh.vertices(), alignment.weights);
+    let meetings = meet(alignment, &points, target, [1.0, 1.0], progress)?;
+    let after = typical_distances(alignment.weights, &meetings);
+    let helped: Vec<f64> =
+        before.iter().zip(&after).map(|(&before, &after)| share_kept(before, after)).collect();
+    keep(alignment, &unknowns, &given, &helped);
     Ok(())
+}
+
+/// How much of the fit a bone keeps: all where it explains most of the distance between the
+/// surfaces, nothing where it does not, because the shapes differ in another way.
+fn share_kept(before: f64, after: f64) -> f64 {
+    const HELPED: f64 = 0.45;
+    const USELESS: f64 = 0.65;
+    let left = if before > 0.0 { after / before } else { 1.0 };
+    ((USELESS - left) / (USELESS - HELPED)).clamp(0.0, 1.0)
+}
+
+/// Takes back what did not help: turns and girths bone by bone, joints by the mean of their bones.
+fn keep(alignment: &mut Alignment<'_>, unknowns: &Unknowns, given: &(Skeleton, Vec<f64>), helped: &[f64]) {
+    let mut shares = vec![(0.0, 0.0); unknowns.joint_count()];
+    for bone in (0..helped.len()).filter(|&b| alignment.takes_part[b]) {
+        alignment.twists[bone] *= helped[bone];
+        let girth = &mut alignment.log_girths[bone];
+        *girth = given.1[bone] + (*girth - given.1[bone]) * helped[bone];
+        for joint in [unknowns.head(bone), unknowns.tail(bone)] {
+            shares[joint].0 += helped[bone];
+            shares[joint].1 += 1.0;
+        }
+    }
+    let back = |now: &[DVec3], then: &[DVec3], joint: &dyn Fn(usize) -> usize| -> Vec<DVec3> {
+        let place = |b: usize| {
+            let (sum, count) = shares[joint(b)];
+            if alignment.takes_part[b] && count > 0.0 { then[b].lerp(now[b], sum / count) } else { now[b] }
+        };
+        (0..now.len()).map(place).collect()
+    };
+    let (now, then) = (&alignment.aligned, &given.0);
+    let heads = back(now.heads(), then.heads(), &|b| unknowns.head(b));
+    let tails = back(now.tails(), then.tails(), &|b| unknowns.tail(b));
+    alignment.aligned = alignment.aligned.moved(heads, tails);
 }
 
 /// Closest points of the target for the warped vertices, those whose normals agree.
 fn meet(
     alignment: &Alignment<'_>,
     points: &[DVec3],
-    target: &Surface<'_>,
-    target_normals: &[DVec3],
+    target: Surroundings<'_>,
+    shares: [f64; 2],
     progress: &Progress,
 ) -> Result<Vec<Option<Meeting>>, RetargetError> {
-    const CHUNK: usize = 1 << 14;
-    let normals = vertex_normals(points, alignment.mesh.triangles(), alignment.outward);
-    let find = |(vertex, &point): (usize, &DVec3)| {
+    let source = alignment.source;
+    let moved = TriangleMesh::new(points.to_vec(), source.mesh.triangles().to_vec())
+        .map_err(|error| RetargetError::Mesh { side: "source", error })?;
+    let normals = source.shell.normals_of(&moved);
+    let find = |vertex: usize, (): &mut ()| {
         if alignment.weights.row(vertex).0.is_empty() {
             return None;
         }
-        let closest = target.query.closest_point(point)?;
-        let corners = target.mesh.triangles()[closest.triangle as usize];
-        let normal: DVec3 =
-            corners.iter().zip(closest.barycentric).map(|(&c, share)| target_normals[c as usize] * share).sum();
-        let normal = normal.normalize_or_zero();
-        (normal.dot(normals[vertex]) > NORMALS).then(|| Meeting {
+        let closest = target.query.closest_point(points[vertex])?;
+        let (normal, both) = target.shell.normal_at(target.mesh, &closest);
+        let cosine = normal.dot(normals[vertex]);
+        let faces = if both || source.shell.two_sided[vertex] { cosine.abs() } else { cosine } > NORMALS;
+        // Skin beyond the edge of a garment has nothing to meet.
+        (faces && !target.shell.is_on_open_edge(target.mesh, &closest)).then(|| Meeting {
             normal,
-            gap: normal.dot(closest.position - point),
+            gap: normal.dot(closest.position - points[vertex]),
             distance: closest.distance,
         })
     };
-    let mut meetings = Vec::with_capacity(points.len());
-    for (chunk, some) in points.chunks(CHUNK).enumerate() {
-        let found: Vec<_> =
-            some.par_iter().enumerate().map(|(i, point)| find((chunk * CHUNK + i, point))).collect();
-        meetings.extend(found);
-        if progress.is_cancelled() {
-            return Err(crate::progress::Cancelled.into());
-        }
-    }
-    Ok(meetings)
-}
-
-/// Area-weighted normals of moved vertices.
-pub(super) fn vertex_normals(points: &[DVec3], triangles: &[[u32; 3]], outward: f64) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; points.len()];
-    for triangle in triangles {
-        let [a, b, c] = triangle.map(|v| points[v as usize]);
-        let normal = (b - a).cross(c - a) * outward;
-        triangle.iter().for_each(|&v| normals[v as usize] += normal);
-    }
-    normals.into_iter().map(DVec3::normalize_or_zero).collect()
+    Ok(map_indices(points.len(), progress, shares, find)?)
 }
 
 /// Takes a step of the fit.

@@ -33,9 +33,11 @@ impl Unknowns {
         let bone_count = source.bone_count();
         let (mut head, mut tail) = (vec![0; bone_count], vec![0; bone_count]);
         let (mut given, mut at): (Vec<DVec3>, Vec<DVec3>) = (Vec::new(), Vec::new());
-        let source_extent = source.heads().iter().chain(source.tails()).fold(0.0f64, |largest, p| {
-            largest.max(p.distance(source.heads()[0]))
-        });
+        let source_extent = source
+            .heads()
+            .iter()
+            .chain(source.tails())
+            .fold(0.0f64, |largest, p| largest.max(p.distance(source.heads()[0])));
         for b in (0..bone_count).filter(|&b| takes_part[b]) {
             let ends = [
                 (source.heads()[b], aligned.heads()[b], &mut head),
@@ -63,6 +65,11 @@ impl Unknowns {
     /// Joint at the tail of a bone.
     pub(super) fn tail(&self, bone: usize) -> usize {
         self.tail[bone]
+    }
+
+    /// Number of joints.
+    pub(super) fn joint_count(&self) -> usize {
+        self.given.len()
     }
 
     fn count(&self) -> usize {
@@ -98,12 +105,11 @@ pub(super) fn step(
     joint_error: f64,
 ) -> Result<Vec<f64>, LinalgError> {
     let mut system = System::new(unknowns);
-    let main: Vec<u32> =
-        (0..points.len()).map(|v| largest_bone(alignment.weights, v).unwrap_or_default()).collect();
-    let typical = distances(meetings, &main, unknowns.bone_count);
+    let typical = typical_distances(alignment.weights, meetings);
     let mut row = Vec::new();
     for (vertex, meeting) in meetings.iter().enumerate() {
-        let typical = typical[main[vertex] as usize];
+        let Some(bone) = largest_bone(alignment.weights, vertex) else { continue };
+        let typical = typical[bone as usize];
         let Some(meeting) = meeting.as_ref().filter(|m| m.distance <= TRIM * typical) else { continue };
         row.clear();
         jacobian(alignment, warp, vertex, points[vertex], meeting.normal, unknowns, &mut row);
@@ -118,14 +124,17 @@ pub(super) fn step(
 
 /// Bone with the largest weight of a vertex, the lower one where two are equal.
 pub(super) fn largest_bone(weights: &SkinWeights, vertex: usize) -> Option<u32> {
-    weights.entries(vertex).reduce(|best, entry| if entry.1 > best.1 { entry } else { best }).map(|entry| entry.0)
+    weights
+        .entries(vertex)
+        .reduce(|best, entry| if entry.1 > best.1 { entry } else { best })
+        .map(|entry| entry.0)
 }
 
-/// Median distance of the meetings of every bone, by each vertex's largest weight.
-fn distances(meetings: &[Option<Meeting>], main: &[u32], bone_count: usize) -> Vec<f64> {
-    let mut of_bone = vec![Vec::new(); bone_count];
-    for (meeting, &bone) in meetings.iter().zip(main) {
-        if let Some(meeting) = meeting {
+/// Median distance of the meetings of every bone (B), by each vertex's largest weight.
+pub(super) fn typical_distances(weights: &SkinWeights, meetings: &[Option<Meeting>]) -> Vec<f64> {
+    let mut of_bone = vec![Vec::new(); weights.bone_count()];
+    for (vertex, meeting) in meetings.iter().enumerate() {
+        if let (Some(meeting), Some(bone)) = (meeting, largest_bone(weights, vertex)) {
             of_bone[bone as usize].push(meeting.distance);
         }
     }
@@ -147,7 +156,7 @@ fn jacobian(
         let b = bone as usize;
         let share = f64::from(weight) / total;
         let map = &warp.bones[b];
-        let along = map.along(alignment.mesh.vertices()[vertex]);
+        let along = map.along(alignment.source.mesh.vertices()[vertex]);
         for k in 0..3 {
             row.push((3 * unknowns.head[b] + k, share * (1.0 - along) * normal[k]));
             row.push((3 * unknowns.tail[b] + k, share * along * normal[k]));

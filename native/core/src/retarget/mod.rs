@@ -1,20 +1,32 @@
 //! Weight retargeting: the weights of one character for another (section 5, Algorithm 2).
 
+mod alignment;
 mod auto;
+pub mod bilaplacian;
 mod body;
 mod bone_rays;
 mod bone_rotations;
 mod bones;
 mod chains;
+pub mod deform;
 mod error;
+mod geodesic;
+pub mod icp;
+pub mod inpaint;
 mod joint_refinement;
 mod joint_system;
 mod landmarks;
 mod loose_parts;
 mod matching;
 mod paper;
+mod parallel;
+mod ray_marks;
+pub mod rejection;
 mod rigid_fit;
+pub mod shell;
 mod shepard;
+#[cfg(test)]
+mod test_surfaces;
 mod warp;
 
 use crate::mesh::TriangleMesh;
