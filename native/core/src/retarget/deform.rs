@@ -12,13 +12,14 @@ use rayon::prelude::*;
 
 use super::bilaplacian::{Bilaplacian, factor};
 use super::rigid_fit::rigid_fit;
+use super::shell::median;
 use crate::linalg::{Cholesky, SymbolicCholesky, diagonal_of_inverse};
 use crate::mesh::{Submesh, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::spectral::SpectralError;
 
 /// Residuals below this share of the square root of the area are never too large.
-const NEGLIGIBLE: f64 = 2e-3;
+const NEGLIGIBLE: f64 = 5e-3;
 
 /// Weight against which the marks must prove an affine displacement: few or crowded marks do not
 /// stretch a whole body.
@@ -57,13 +58,13 @@ pub struct DeformSettings {
     /// Number of fits that leave out marks; 0 keeps all of them.
     pub trim_rounds: u32,
     /// A mark is left out when it misses the surface that the other marks give by more than this
-    /// multiple of the median.
+    /// multiple of the median, both measured by what those marks leave open.
     pub trim_factor: f64,
 }
 
 impl Default for DeformSettings {
     fn default() -> Self {
-        Self { trim_rounds: 3, trim_factor: 3.5 }
+        Self { trim_rounds: 3, trim_factor: 5.0 }
     }
 }
 
@@ -152,6 +153,7 @@ impl Deformer {
             let inverse = cholesky.map_or_else(|| vec![0.0; rest.len()], |c| diagonal_of_inverse(&c));
             let residuals = self.residuals(&vertices, &kept, &inverse);
             let next = self.trimmed(&residuals, &usable, settings);
+            let residuals = residuals.into_iter().map(|(residual, _)| residual).collect();
             if round == settings.trim_rounds || next == kept {
                 progress.report(1.0)?;
                 return Ok(Deformed { vertices, kept, residuals });
@@ -161,26 +163,29 @@ impl Deformer {
         }
     }
 
-    /// Which marks stay, by their residuals in a fit.
-    fn trimmed(&self, residuals: &[f64], usable: &[bool], settings: &DeformSettings) -> Vec<bool> {
-        let mut sorted: Vec<f64> =
-            residuals.iter().zip(usable).filter(|(_, usable)| **usable).map(|(r, _)| *r).collect();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-        let bound = (settings.trim_factor * median).max(NEGLIGIBLE * self.surface.area.sqrt());
-        let stays = |((mark, usable), residual): ((&Mark, &bool), &f64)| {
-            *usable && (mark.trusted || *residual <= bound)
+    /// Which marks stay, by their residuals in a fit. They are judged in units of what the other
+    /// marks leave open, so that a lone mark at the end of a limb is no outlier.
+    fn trimmed(&self, residuals: &[(f64, f64)], usable: &[bool], settings: &DeformSettings) -> Vec<bool> {
+        let score = |&(residual, open): &(f64, f64)| residual / open;
+        let scores = residuals.iter().zip(usable).filter(|(_, usable)| **usable).map(|(r, _)| score(r));
+        let bound = settings.trim_factor * median(scores.collect());
+        let negligible = NEGLIGIBLE * self.surface.area.sqrt();
+        let stays = |((mark, usable), found): ((&Mark, &bool), &(f64, f64))| {
+            *usable && (mark.trusted || found.0 <= negligible || score(found) <= bound)
         };
         self.marks.iter().zip(usable).zip(residuals).map(stays).collect()
     }
 
-    /// Residual of every mark as if it had not taken part: r / (1 − h), h being the share of its
-    /// own weight in the place where it is (`inverse` is the diagonal of the inverse).
-    fn residuals(&self, vertices: &[DVec3], kept: &[bool], inverse: &[f64]) -> Vec<f64> {
+    /// Residual of every mark as if it had not taken part, and the deviation to expect of it: with
+    /// C the compliance of its place under the other marks, √(C + 1/w). Its own share in its place
+    /// is h = w (A⁻¹)_kk, `inverse` being the diagonal of A⁻¹ (Cook 1977).
+    fn residuals(&self, vertices: &[DVec3], kept: &[bool], inverse: &[f64]) -> Vec<(f64, f64)> {
         let residual = |(mark, kept): (&Mark, &bool)| {
             let own: f64 = mark.corners.iter().zip(mark.barycentric).map(|(&v, b)| b * inverse[v]).sum();
-            let share = if *kept { (mark.weight * own).clamp(0.0, 0.999) } else { 0.0 };
-            mark.at(vertices).distance(mark.position) / (1.0 - share)
+            let weight = mark.weight.max(f64::MIN_POSITIVE);
+            let left = if *kept { (1.0 - weight * own).clamp(1e-6, 1.0) } else { 1.0 / (1.0 + weight * own) };
+            let miss = mark.at(vertices).distance(mark.position);
+            (if *kept { miss / left } else { miss }, (1.0 / (weight * left)).sqrt())
         };
         self.marks.iter().zip(kept).map(residual).collect()
     }
