@@ -7,10 +7,12 @@
 //! hundreds of marks. A piece of the surface without any mark moves rigidly with the nearest one
 //! that has some.
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::bilaplacian::{Bilaplacian, factor};
+pub use super::marks::{Anchor, Constraint};
+use super::marks::{Mark, affine};
 use super::rigid_fit::rigid_fit;
 use super::shell::median;
 use crate::linalg::{Cholesky, SymbolicCholesky, diagonal_of_inverse};
@@ -20,37 +22,6 @@ use crate::spectral::SpectralError;
 
 /// Residuals below this share of the square root of the area are never too large.
 const NEGLIGIBLE: f64 = 5e-3;
-
-/// Weight against which the marks must prove an affine displacement: few or crowded marks do not
-/// stretch a whole body.
-const AFFINE_STIFFNESS: f64 = 100.0;
-
-/// A place on a surface.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Anchor {
-    /// A vertex.
-    Vertex(u32),
-    /// A point of a triangle by its barycentric coordinates.
-    Point {
-        /// The triangle.
-        triangle: u32,
-        /// Coordinates, not negative, sum 1.
-        barycentric: [f64; 3],
-    },
-}
-
-/// A mark: where a place of the surface should go.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Constraint {
-    /// The place.
-    pub anchor: Anchor,
-    /// Where it should go, in the mesh's unit.
-    pub position: DVec3,
-    /// How firmly; no unit. Zero: not at all.
-    pub weight: f64,
-    /// A mark that the user gave is never left out.
-    pub trusted: bool,
-}
 
 /// How wrong marks are found.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,22 +48,6 @@ pub struct Deformed {
     pub kept: Vec<bool>,
     /// How far each place would lie from its position without its own mark, in the mesh's unit.
     pub residuals: Vec<f64>,
-}
-
-/// A constraint on the corners of a triangle of the welded surface.
-#[derive(Debug, Clone, Copy)]
-struct Mark {
-    corners: [usize; 3],
-    barycentric: [f64; 3],
-    position: DVec3,
-    weight: f64,
-    trusted: bool,
-}
-
-impl Mark {
-    fn at(&self, points: &[DVec3]) -> DVec3 {
-        self.corners.iter().zip(self.barycentric).map(|(&v, b)| points[v] * b).sum()
-    }
 }
 
 /// A surface with its marks, ready to be deformed. The symbolic part of the factorisation is made
@@ -127,7 +82,7 @@ impl Deformer {
             }
         }
         let surface = Bilaplacian::new(mesh, &joined)?;
-        let marks = constraints.iter().map(|constraint| mark(&surface, constraint)).collect();
+        let marks = constraints.iter().map(|constraint| Mark::new(&surface, constraint)).collect();
         let symbolic = SymbolicCholesky::new(&surface.form)?;
         Ok(Self { surface, symbolic, marks })
     }
@@ -149,7 +104,7 @@ impl Deformer {
         let mut round = 0;
         loop {
             progress.report(f64::from(round) / f64::from(settings.trim_rounds + 1))?;
-            let (vertices, cholesky) = self.solve(&self.affine(&kept), &kept, &[])?;
+            let (vertices, cholesky) = self.solve(&affine(&self.surface, &self.marks, &kept), &kept, &[])?;
             let inverse = cholesky.map_or_else(|| vec![0.0; rest.len()], |c| diagonal_of_inverse(&c));
             let residuals = self.residuals(&vertices, &kept, &inverse);
             let next = self.trimmed(&residuals, &usable, settings);
@@ -188,43 +143,6 @@ impl Deformer {
             (if *kept { miss / left } else { miss }, (1.0 / (weight * left)).sqrt())
         };
         self.marks.iter().zip(kept).map(residual).collect()
-    }
-
-    /// All vertices after the affine displacement that fits the kept marks.
-    fn affine(&self, kept: &[bool]) -> Vec<DVec3> {
-        let rest = self.surface.welded.vertices();
-        let shares = &self.surface.shares;
-        let centre: DVec3 = rest.iter().zip(shares).map(|(&p, &s)| p * s).sum();
-        let spread: f64 = rest.iter().zip(shares).map(|(p, s)| s * p.distance_squared(centre)).sum();
-        let marks: Vec<&Mark> = self.marks.iter().zip(kept).filter(|(_, k)| **k).map(|(m, _)| m).collect();
-        let total: f64 = marks.iter().map(|mark| mark.weight).sum();
-        if total <= 0.0 || spread <= 0.0 {
-            return rest.to_vec();
-        }
-        let mean = marks.iter().map(|m| m.at(rest) * m.weight).sum::<DVec3>() / total;
-        let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
-        let spreads: DMat3 = marks
-            .iter()
-            .map(|m| outer(m.at(rest) - mean, m.at(rest) - mean) * m.weight)
-            .fold(DMat3::ZERO, |a, b| a + b);
-        let ridge = DMat3::from_diagonal(DVec3::splat(AFFINE_STIFFNESS * spread / 3.0));
-        let solver = (spreads + ridge).inverse();
-        let (mut linear, mut shift) = (DMat3::ZERO, DVec3::ZERO);
-        // Repeating the fit on what is left takes away the bias of the ridge where marks are many.
-        for _ in 0..3 {
-            let left = |m: &Mark| {
-                let x = m.at(rest);
-                m.position - x - (linear * (x - mean) + shift)
-            };
-            let step = marks.iter().map(|m| left(m) * m.weight).sum::<DVec3>() / total;
-            let moment = marks
-                .iter()
-                .map(|m| outer(left(m) - step, m.at(rest) - mean) * m.weight)
-                .fold(DMat3::ZERO, |a, b| a + b);
-            linear += moment * solver;
-            shift += step;
-        }
-        rest.iter().map(|&p| p + linear * (p - mean) + shift).collect()
     }
 
     /// The positions nearest to `base` in smoothness, under the kept marks and the pulls. Returns
@@ -319,32 +237,11 @@ impl Deformer {
     }
 }
 
-fn mark(surface: &Bilaplacian, constraint: &Constraint) -> Mark {
-    let (mut corners, mut barycentric) = match constraint.anchor {
-        Anchor::Vertex(vertex) => {
-            let v = surface.stands_for[vertex as usize] as usize;
-            ([v; 3], [1.0, 0.0, 0.0])
-        }
-        Anchor::Point { triangle, barycentric } => {
-            (surface.welded.triangles()[triangle as usize].map(|v| v as usize), barycentric)
-        }
-    };
-    // A corner that closing a seam repeated counts once.
-    for (first, again) in [(0, 1), (0, 2), (1, 2)] {
-        if corners[first] == corners[again] {
-            barycentric[first] += barycentric[again];
-            (corners[again], barycentric[again]) = (corners[first], 0.0);
-        }
-    }
-    let Constraint { position, weight, trusted, .. } = *constraint;
-    Mark { corners, barycentric, position, weight, trusted }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::test_surfaces::{icosphere, joined, mapped, permuted, similarity};
     use super::*;
-    use glam::DAffine3;
+    use glam::{DAffine3, DMat3};
 
     fn fit(mesh: &TriangleMesh, constraints: &[Constraint], settings: &DeformSettings) -> Deformed {
         Deformer::new(mesh, constraints).unwrap().fit(settings, &Progress::new()).unwrap()

@@ -11,11 +11,16 @@ pub mod icp;
 pub mod inpaint;
 mod landmarks;
 mod loose_parts;
+mod marks;
 mod matching;
 mod paper;
 mod parallel;
+pub mod part_shapes;
+pub mod part_weights;
+pub mod parts;
 pub mod rejection;
 mod rigid_fit;
+pub mod seams;
 pub mod shell;
 mod shepard;
 #[cfg(test)]
