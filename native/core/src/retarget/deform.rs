@@ -7,49 +7,21 @@
 //! hundreds of marks. A piece of the surface without any mark moves rigidly with the nearest one
 //! that has some.
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::bilaplacian::{Bilaplacian, factor};
+pub use super::marks::{Anchor, Constraint};
+use super::marks::{Mark, affine};
 use super::rigid_fit::rigid_fit;
+use super::shell::median;
 use crate::linalg::{Cholesky, SymbolicCholesky, diagonal_of_inverse};
 use crate::mesh::{Submesh, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::spectral::SpectralError;
 
 /// Residuals below this share of the square root of the area are never too large.
-const NEGLIGIBLE: f64 = 2e-3;
-
-/// Weight against which the marks must prove an affine displacement: few or crowded marks do not
-/// stretch a whole body.
-const AFFINE_STIFFNESS: f64 = 100.0;
-
-/// A place on a surface.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Anchor {
-    /// A vertex.
-    Vertex(u32),
-    /// A point of a triangle by its barycentric coordinates.
-    Point {
-        /// The triangle.
-        triangle: u32,
-        /// Coordinates, not negative, sum 1.
-        barycentric: [f64; 3],
-    },
-}
-
-/// A mark: where a place of the surface should go.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Constraint {
-    /// The place.
-    pub anchor: Anchor,
-    /// Where it should go, in the mesh's unit.
-    pub position: DVec3,
-    /// How firmly; no unit. Zero: not at all.
-    pub weight: f64,
-    /// A mark that the user gave is never left out.
-    pub trusted: bool,
-}
+const NEGLIGIBLE: f64 = 5e-3;
 
 /// How wrong marks are found.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,13 +29,13 @@ pub struct DeformSettings {
     /// Number of fits that leave out marks; 0 keeps all of them.
     pub trim_rounds: u32,
     /// A mark is left out when it misses the surface that the other marks give by more than this
-    /// multiple of the median.
+    /// multiple of the median, both measured by what those marks leave open.
     pub trim_factor: f64,
 }
 
 impl Default for DeformSettings {
     fn default() -> Self {
-        Self { trim_rounds: 3, trim_factor: 3.5 }
+        Self { trim_rounds: 3, trim_factor: 5.0 }
     }
 }
 
@@ -76,22 +48,6 @@ pub struct Deformed {
     pub kept: Vec<bool>,
     /// How far each place would lie from its position without its own mark, in the mesh's unit.
     pub residuals: Vec<f64>,
-}
-
-/// A constraint on the corners of a triangle of the welded surface.
-#[derive(Debug, Clone, Copy)]
-struct Mark {
-    corners: [usize; 3],
-    barycentric: [f64; 3],
-    position: DVec3,
-    weight: f64,
-    trusted: bool,
-}
-
-impl Mark {
-    fn at(&self, points: &[DVec3]) -> DVec3 {
-        self.corners.iter().zip(self.barycentric).map(|(&v, b)| points[v] * b).sum()
-    }
 }
 
 /// A surface with its marks, ready to be deformed. The symbolic part of the factorisation is made
@@ -126,7 +82,7 @@ impl Deformer {
             }
         }
         let surface = Bilaplacian::new(mesh, &joined)?;
-        let marks = constraints.iter().map(|constraint| mark(&surface, constraint)).collect();
+        let marks = constraints.iter().map(|constraint| Mark::new(&surface, constraint)).collect();
         let symbolic = SymbolicCholesky::new(&surface.form)?;
         Ok(Self { surface, symbolic, marks })
     }
@@ -148,10 +104,11 @@ impl Deformer {
         let mut round = 0;
         loop {
             progress.report(f64::from(round) / f64::from(settings.trim_rounds + 1))?;
-            let (vertices, cholesky) = self.solve(&self.affine(&kept), &kept, &[])?;
+            let (vertices, cholesky) = self.solve(&affine(&self.surface, &self.marks, &kept), &kept, &[])?;
             let inverse = cholesky.map_or_else(|| vec![0.0; rest.len()], |c| diagonal_of_inverse(&c));
             let residuals = self.residuals(&vertices, &kept, &inverse);
             let next = self.trimmed(&residuals, &usable, settings);
+            let residuals = residuals.into_iter().map(|(residual, _)| residual).collect();
             if round == settings.trim_rounds || next == kept {
                 progress.report(1.0)?;
                 return Ok(Deformed { vertices, kept, residuals });
@@ -161,65 +118,31 @@ impl Deformer {
         }
     }
 
-    /// Which marks stay, by their residuals in a fit.
-    fn trimmed(&self, residuals: &[f64], usable: &[bool], settings: &DeformSettings) -> Vec<bool> {
-        let mut sorted: Vec<f64> =
-            residuals.iter().zip(usable).filter(|(_, usable)| **usable).map(|(r, _)| *r).collect();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-        let bound = (settings.trim_factor * median).max(NEGLIGIBLE * self.surface.area.sqrt());
-        let stays = |((mark, usable), residual): ((&Mark, &bool), &f64)| {
-            *usable && (mark.trusted || *residual <= bound)
+    /// Which marks stay, by their residuals in a fit. They are judged in units of what the other
+    /// marks leave open, so that a lone mark at the end of a limb is no outlier.
+    fn trimmed(&self, residuals: &[(f64, f64)], usable: &[bool], settings: &DeformSettings) -> Vec<bool> {
+        let score = |&(residual, open): &(f64, f64)| residual / open;
+        let scores = residuals.iter().zip(usable).filter(|(_, usable)| **usable).map(|(r, _)| score(r));
+        let bound = settings.trim_factor * median(scores.collect());
+        let negligible = NEGLIGIBLE * self.surface.area.sqrt();
+        let stays = |((mark, usable), found): ((&Mark, &bool), &(f64, f64))| {
+            *usable && (mark.trusted || found.0 <= negligible || score(found) <= bound)
         };
         self.marks.iter().zip(usable).zip(residuals).map(stays).collect()
     }
 
-    /// Residual of every mark as if it had not taken part: r / (1 − h), h being the share of its
-    /// own weight in the place where it is (`inverse` is the diagonal of the inverse).
-    fn residuals(&self, vertices: &[DVec3], kept: &[bool], inverse: &[f64]) -> Vec<f64> {
+    /// Residual of every mark as if it had not taken part, and the deviation to expect of it: with
+    /// C the compliance of its place under the other marks, √(C + 1/w). Its own share in its place
+    /// is h = w (A⁻¹)_kk, `inverse` being the diagonal of A⁻¹ (Cook 1977).
+    fn residuals(&self, vertices: &[DVec3], kept: &[bool], inverse: &[f64]) -> Vec<(f64, f64)> {
         let residual = |(mark, kept): (&Mark, &bool)| {
             let own: f64 = mark.corners.iter().zip(mark.barycentric).map(|(&v, b)| b * inverse[v]).sum();
-            let share = if *kept { (mark.weight * own).clamp(0.0, 0.999) } else { 0.0 };
-            mark.at(vertices).distance(mark.position) / (1.0 - share)
+            let weight = mark.weight.max(f64::MIN_POSITIVE);
+            let left = if *kept { (1.0 - weight * own).clamp(1e-6, 1.0) } else { 1.0 / (1.0 + weight * own) };
+            let miss = mark.at(vertices).distance(mark.position);
+            (if *kept { miss / left } else { miss }, (1.0 / (weight * left)).sqrt())
         };
         self.marks.iter().zip(kept).map(residual).collect()
-    }
-
-    /// All vertices after the affine displacement that fits the kept marks.
-    fn affine(&self, kept: &[bool]) -> Vec<DVec3> {
-        let rest = self.surface.welded.vertices();
-        let shares = &self.surface.shares;
-        let centre: DVec3 = rest.iter().zip(shares).map(|(&p, &s)| p * s).sum();
-        let spread: f64 = rest.iter().zip(shares).map(|(p, s)| s * p.distance_squared(centre)).sum();
-        let marks: Vec<&Mark> = self.marks.iter().zip(kept).filter(|(_, k)| **k).map(|(m, _)| m).collect();
-        let total: f64 = marks.iter().map(|mark| mark.weight).sum();
-        if total <= 0.0 || spread <= 0.0 {
-            return rest.to_vec();
-        }
-        let mean = marks.iter().map(|m| m.at(rest) * m.weight).sum::<DVec3>() / total;
-        let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
-        let spreads: DMat3 = marks
-            .iter()
-            .map(|m| outer(m.at(rest) - mean, m.at(rest) - mean) * m.weight)
-            .fold(DMat3::ZERO, |a, b| a + b);
-        let ridge = DMat3::from_diagonal(DVec3::splat(AFFINE_STIFFNESS * spread / 3.0));
-        let solver = (spreads + ridge).inverse();
-        let (mut linear, mut shift) = (DMat3::ZERO, DVec3::ZERO);
-        // Repeating the fit on what is left takes away the bias of the ridge where marks are many.
-        for _ in 0..3 {
-            let left = |m: &Mark| {
-                let x = m.at(rest);
-                m.position - x - (linear * (x - mean) + shift)
-            };
-            let step = marks.iter().map(|m| left(m) * m.weight).sum::<DVec3>() / total;
-            let moment = marks
-                .iter()
-                .map(|m| outer(left(m) - step, m.at(rest) - mean) * m.weight)
-                .fold(DMat3::ZERO, |a, b| a + b);
-            linear += moment * solver;
-            shift += step;
-        }
-        rest.iter().map(|&p| p + linear * (p - mean) + shift).collect()
     }
 
     /// The positions nearest to `base` in smoothness, under the kept marks and the pulls. Returns
@@ -314,32 +237,11 @@ impl Deformer {
     }
 }
 
-fn mark(surface: &Bilaplacian, constraint: &Constraint) -> Mark {
-    let (mut corners, mut barycentric) = match constraint.anchor {
-        Anchor::Vertex(vertex) => {
-            let v = surface.stands_for[vertex as usize] as usize;
-            ([v; 3], [1.0, 0.0, 0.0])
-        }
-        Anchor::Point { triangle, barycentric } => {
-            (surface.welded.triangles()[triangle as usize].map(|v| v as usize), barycentric)
-        }
-    };
-    // A corner that closing a seam repeated counts once.
-    for (first, again) in [(0, 1), (0, 2), (1, 2)] {
-        if corners[first] == corners[again] {
-            barycentric[first] += barycentric[again];
-            (corners[again], barycentric[again]) = (corners[first], 0.0);
-        }
-    }
-    let Constraint { position, weight, trusted, .. } = *constraint;
-    Mark { corners, barycentric, position, weight, trusted }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::test_surfaces::{icosphere, joined, mapped, permuted, similarity};
     use super::*;
-    use glam::DAffine3;
+    use glam::{DAffine3, DMat3};
 
     fn fit(mesh: &TriangleMesh, constraints: &[Constraint], settings: &DeformSettings) -> Deformed {
         Deformer::new(mesh, constraints).unwrap().fit(settings, &Progress::new()).unwrap()

@@ -93,7 +93,7 @@ pub fn inpaint(
         done += hole.len();
         progress.report(0.2 + 0.6 * done as f64 / total as f64)?;
     }
-    fill_without_area(&adjacency, &to_fill, &mut filled);
+    fill_without_area(&adjacency, to_fill, &mut filled);
     smooth(&adjacency, &is_known, &mut filled, settings.smoothing_rounds, progress)?;
 
     for (v, &stand) in surface.stands_for.iter().enumerate() {

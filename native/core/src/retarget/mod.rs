@@ -17,12 +17,17 @@ mod joint_refinement;
 mod joint_system;
 mod landmarks;
 mod loose_parts;
+mod marks;
 mod matching;
 mod paper;
 mod parallel;
+pub mod part_shapes;
+pub mod part_weights;
+pub mod parts;
 mod ray_marks;
 pub mod rejection;
 mod rigid_fit;
+pub mod seams;
 pub mod shell;
 mod shepard;
 #[cfg(test)]

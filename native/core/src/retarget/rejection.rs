@@ -205,23 +205,29 @@ impl Neighbours {
             a.distance(b).max(b.distance(c)).max(c.distance(a))
         };
         let neighbours = self.neighbours(v).iter().filter(|n| candidates[**n as usize].passes);
-        let bounds: Vec<(u32, f64)> = neighbours
+        let corners = |at: &ClosestPoint| self.source.triangles()[at.triangle as usize];
+        let mut grown = -1.0;
+        neighbours
             .map(|&n| {
                 let at = &candidates[n as usize].at;
+                if corners(at).iter().any(|corner| corners(own).contains(corner)) {
+                    return (n, true);
+                }
                 let straight = self.target.vertices()[v].distance(self.target.vertices()[n as usize]);
-                (n, DETOUR * straight + own.distance + at.distance + coarse(own) + coarse(at))
-            })
-            .collect();
-        let radius = bounds.iter().map(|(_, bound)| *bound).fold(0.0, f64::max);
-        let corners = |at: &ClosestPoint| self.source.triangles()[at.triangle as usize];
-        ball.grow(&self.source, &self.source_edges, corners(own), own.position, radius);
-        bounds
-            .into_iter()
-            .map(|(n, bound)| {
-                let at = &candidates[n as usize].at;
-                let near = at.triangle == own.triangle
-                    || ball.distance(&self.source, corners(at), at.position) <= bound;
-                (n, near)
+                let slack = coarse(own) + coarse(at);
+                let bound = DETOUR * straight + own.distance + at.distance + slack;
+                // The way is mostly straight, and then a small ball decides.
+                let likely = (1.2 * own.position.distance(at.position) + slack).min(bound);
+                for radius in [likely, bound] {
+                    if grown < radius {
+                        ball.grow(&self.source, &self.source_edges, corners(own), own.position, radius);
+                        grown = radius;
+                    }
+                    if ball.distance(&self.source, corners(at), at.position) <= bound {
+                        return (n, true);
+                    }
+                }
+                (n, false)
             })
             .collect()
     }
@@ -251,8 +257,12 @@ impl Neighbours {
         if self.components[corners[0] as usize] != self.components[own as usize] {
             return true;
         }
+        let near = |corner: &u32| *corner == own || self.neighbours(v).contains(corner);
+        if corners.iter().any(near) {
+            return true;
+        }
         ball.grow(&self.target, &self.target_edges, [own; 3], point, radius);
-        corners.contains(&own) || ball.distance(&self.target, corners, home.position) <= radius
+        ball.distance(&self.target, corners, home.position) <= radius
     }
 
     /// Takes away small patches of matches that contradict or miss what is around them.
