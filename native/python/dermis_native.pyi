@@ -17,6 +17,7 @@ _Integers = npt.NDArray[np.integer[Any]]
 
 __all__ = [
     "BiharmonicDistance",
+    "BoneMap",
     "Cancelled",
     "DermisError",
     "NumericalError",
@@ -29,10 +30,12 @@ __all__ = [
     "TetMesh",
     "TriangleMesh",
     "__version__",
+    "bind_weights",
     "dual_quaternion_skinning",
     "eigenpairs",
     "laplacian",
     "linear_blend_skinning",
+    "map_bones",
     "pbd_preset",
     "rest_space_offsets",
     "retarget_weights",
@@ -113,6 +116,45 @@ class Skeleton:
     def __len__(self) -> int: ...
 
 @final
+class BoneMap:
+    """For each bone of a source skeleton the bones of a target skeleton that stand for it.
+
+    No target bone: the weight goes to the nearest mapped ancestor, or, without one, to the nearest
+    mapped descendant. One: it takes the weight; several source bones may name it. Several: a chain,
+    top first, over which the weight is split by position along it.
+    """
+
+    def __new__(
+        cls, source_skeleton: Skeleton, target_skeleton: Skeleton, targets: Sequence[Sequence[int]]
+    ) -> Self:
+        """Your own map: for each source bone its target bones. Raises ValueError naming the first bad bone."""
+    @property
+    def targets(self) -> list[list[int]]:
+        """Target bones of each source bone."""
+    @property
+    def how(self) -> list[str]:
+        """How each source bone's targets were found: "name", "scheme", "structure", "user" or "none"."""
+    @property
+    def carriers(self) -> list[int]:
+        """Source bone whose targets take each source bone's weight: itself, or the one that gathers it."""
+    def aligned_skeleton(self, source_skeleton: Skeleton, target_skeleton: Skeleton) -> Skeleton:
+        """The source skeleton, numbered and named as it is, at the target's rest positions."""
+    def transfer(self, weights: SkinWeights, vertices: _Floats, target_skeleton: Skeleton) -> SkinWeights:
+        """Weights over target bones from `weights` over source bones of the target's vertices (V,3).
+
+        Sums of rows stay.
+        """
+    def __len__(self) -> int: ...
+
+def map_bones(source_skeleton: Skeleton, target_skeleton: Skeleton) -> BoneMap:
+    """Map bones by equal names, by the common naming schemes, then by structure and position.
+
+    Known are Rigify, Mixamo, Unreal, MakeHuman, VRM, 3ds Max Biped and Daz names. Chains of different
+    length are matched by arc length; left never goes to right. Raises RetargetError when no bone has
+    a counterpart.
+    """
+
+@final
 class SkinWeights:
     """Sparse weights, one row per vertex, one column per bone."""
 
@@ -190,6 +232,7 @@ def retarget_weights(
     *,
     source_skeleton: Skeleton | None = None,
     target_skeleton: Skeleton | None = None,
+    bone_map: BoneMap | None = None,
     landmarks: _Integers | None = None,
     method: Literal["auto", "paper"] = "auto",
     max_influences: int | None = None,
@@ -200,8 +243,19 @@ def retarget_weights(
 
     landmarks (k,2) pairs a source vertex with a target vertex; without them both skeletons are
     needed and landmarks are chosen on them: head, hands and knees of a biped, otherwise the end of
-    every chain. With both skeletons, bones are paired by name (by order where names are missing),
-    and matches are searched in the same region only (figure 3).
+    every chain. With both skeletons, bones are paired by `map_bones` unless `bone_map` is given, and
+    matches are searched in the same region only (figure 3).
+    """
+
+def bind_weights(
+    mesh: TriangleMesh,
+    skeleton: Skeleton,
+    *,
+    method: Literal["paper"] = "paper",
+    max_influences: int | None = None,
+) -> SkinWeights:
+    """Weights made from the skeleton alone: by the distance to the three nearest bones in a joint
+    area, to the two nearest elsewhere (eq. 2, section 4.1). A vertex on a bone belongs to it alone.
     """
 
 def linear_blend_skinning(vertices: _Floats, weights: SkinWeights, transforms: _Floats) -> npt.NDArray[np.float32]:

@@ -5,6 +5,8 @@
 //! a subclass of `DermisError` (anything else). The contract is in `dermis_native.pyi`.
 
 mod arrays;
+mod bind;
+mod bone_map;
 mod cage;
 mod errors;
 mod mesh;
@@ -20,6 +22,10 @@ mod weights;
 
 #[pyo3::pymodule]
 mod dermis_native {
+    #[pymodule_export]
+    use super::bind::bind_weights;
+    #[pymodule_export]
+    use super::bone_map::{PyBoneMap, map_bones};
     #[pymodule_export]
     use super::cage::{PyTetMesh, tetrahedralize};
     #[pymodule_export]

@@ -5,6 +5,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
 use crate::arrays::{integers, matrix};
+use crate::bone_map::PyBoneMap;
 use crate::errors::{retarget_error, value_error};
 use crate::mesh::PyTriangleMesh;
 use crate::progress::{PyProgress, shared};
@@ -46,8 +47,8 @@ impl PyRetargetResult {
 /// Give `target` the weights of `source` (Algorithm 2).
 #[pyfunction]
 #[pyo3(signature = (
-    source, source_weights, target, *, source_skeleton=None, target_skeleton=None, landmarks=None,
-    method="auto", max_influences=None, eigenpairs=100, progress=None
+    source, source_weights, target, *, source_skeleton=None, target_skeleton=None, bone_map=None,
+    landmarks=None, method="auto", max_influences=None, eigenpairs=100, progress=None
 ))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of a Python function")]
 pub(crate) fn retarget_weights(
@@ -57,6 +58,7 @@ pub(crate) fn retarget_weights(
     target: &PyTriangleMesh,
     source_skeleton: Option<&PySkeleton>,
     target_skeleton: Option<&PySkeleton>,
+    bone_map: Option<&PyBoneMap>,
     landmarks: Option<&Bound<'_, PyAny>>,
     method: &str,
     max_influences: Option<usize>,
@@ -79,6 +81,7 @@ pub(crate) fn retarget_weights(
             Character { mesh: &source.0, skeleton: source_skeleton.map(|s| &s.0) },
             &source_weights.0,
             Character { mesh: &target.0, skeleton: target_skeleton.map(|s| &s.0) },
+            bone_map.map(|map| &map.0),
             landmarks.as_deref(),
             &settings,
             &progress,

@@ -134,7 +134,7 @@ fn keep(alignment: &mut Alignment<'_>, unknowns: &Unknowns, given: &(Skeleton, V
     let (now, then) = (&alignment.aligned, &given.0);
     let heads = back(now.heads(), then.heads(), &|b| unknowns.head(b));
     let tails = back(now.tails(), then.tails(), &|b| unknowns.tail(b));
-    alignment.aligned = alignment.aligned.moved(heads, tails);
+    alignment.aligned = alignment.aligned.placed(heads, tails);
 }
 
 /// Closest points of the target for the warped vertices, those whose normals agree.
@@ -178,7 +178,7 @@ fn update(alignment: &mut Alignment<'_>, unknowns: &Unknowns, step: &[f64]) {
     };
     let heads = shifted(alignment.aligned.heads(), &|b| unknowns.head(b));
     let tails = shifted(alignment.aligned.tails(), &|b| unknowns.tail(b));
-    alignment.aligned = alignment.aligned.moved(heads, tails);
+    alignment.aligned = alignment.aligned.placed(heads, tails);
     for bone in 0..alignment.takes_part.len() {
         alignment.twists[bone] += step[unknowns.twist(bone)];
         alignment.log_girths[bone] += step[unknowns.girth(bone)].clamp(-GIRTH_STEP, GIRTH_STEP);

@@ -17,6 +17,7 @@ mod joint_refinement;
 mod joint_system;
 mod landmarks;
 mod loose_parts;
+mod mapped;
 mod marks;
 mod matching;
 mod paper;
@@ -43,6 +44,7 @@ pub use bones::pair_bones;
 pub use chains::{Biped, ChainEnd, Chains};
 pub use error::RetargetError;
 pub use landmarks::{check_landmarks, landmarks_from_skeletons};
+pub use mapped::retarget_weights;
 pub use matching::{Descriptors, Match, Regions, best_matches};
 pub use shepard::{NEIGHBOURS, shepard};
 
@@ -84,6 +86,17 @@ pub struct Character<'a> {
     pub skeleton: Option<&'a Skeleton>,
 }
 
+/// Where a vertex has its weights from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// Its match on the source.
+    Matched,
+    /// Its neighbours, by biharmonic inpainting.
+    Inpainted,
+    /// The treatment of its loose part: rigid, or after the surface below.
+    Part,
+}
+
 /// What a retarget found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Retargeted {
@@ -93,18 +106,14 @@ pub struct Retargeted {
     pub correspondence: Vec<u32>,
     /// Whether a vertex was matched by the surface; the others follow the nearest matched surface.
     pub matched: Vec<bool>,
+    /// Where each target vertex has its weights from.
+    pub origin: Vec<Origin>,
     /// Landmark pairs used (source vertex, target vertex).
     pub landmarks: Vec<[u32; 2]>,
 }
 
-/// Gives the target the weights of the source.
-///
-/// Without landmarks both skeletons are needed, and landmarks are chosen on them. Where both
-/// skeletons are given, bones are paired and matches are searched region by region (figure 3).
-///
-/// # Errors
-/// [`RetargetError`]; nothing was changed.
-pub fn retarget_weights(
+/// Retargets between skeletons whose weighted bones pair.
+fn by_method(
     source: Character<'_>,
     source_weights: &SkinWeights,
     target: Character<'_>,
@@ -112,13 +121,12 @@ pub fn retarget_weights(
     settings: &Settings,
     progress: &Progress,
 ) -> Result<Retargeted, RetargetError> {
-    match settings.method {
-        Method::Auto if source.skeleton.is_some() && target.skeleton.is_some() => {
-            let (Some(a), Some(b)) = (source.skeleton, target.skeleton) else { unreachable!() };
-            auto::retarget((source.mesh, a), source_weights, (target.mesh, b), settings, progress)
+    match (settings.method, source.skeleton, target.skeleton) {
+        (Method::Auto, Some(from), Some(to)) => {
+            let source = auto::Rigged { mesh: source.mesh, skeleton: from };
+            let target = auto::Rigged { mesh: target.mesh, skeleton: to };
+            auto::retarget(source, source_weights, target, landmarks, settings, progress)
         }
-        Method::Auto | Method::Paper => {
-            paper::retarget(source, source_weights, target, landmarks, settings, progress)
-        }
+        _ => paper::retarget(source, source_weights, target, landmarks, settings, progress),
     }
 }

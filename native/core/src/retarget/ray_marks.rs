@@ -4,8 +4,8 @@
 use glam::{DMat3, DVec3};
 
 use super::bone_rays::{Fan, median, shoot};
-use super::deform::{Anchor, Constraint};
 use super::icp::Surroundings;
+use super::marks::{Anchor, Constraint};
 use crate::mesh::{RayHit, TriangleMesh};
 use crate::rig::Skeleton;
 use crate::skinning::SkinWeights;
@@ -23,13 +23,34 @@ const NORMALS: f64 = 0.5;
 /// What an automatic landmark weighs.
 const WEIGHT: f64 = 30.0;
 
+/// A landmark: a place on either surface.
+pub(super) struct RayMark {
+    triangle: u32,
+    barycentric: [f64; 3],
+    position: DVec3,
+    vertices: [u32; 2],
+}
+
+impl RayMark {
+    /// The mark that it is for the deformation.
+    pub(super) fn constraint(&self) -> Constraint {
+        let anchor = Anchor::Point { triangle: self.triangle, barycentric: self.barycentric };
+        Constraint { anchor, position: self.position, weight: WEIGHT, trusted: false }
+    }
+
+    /// Nearest corners: source vertex, target vertex.
+    pub(super) fn vertices(&self) -> [u32; 2] {
+        self.vertices
+    }
+}
+
 /// Finds the landmarks. Both surfaces and the skeleton are in the target's rest pose.
 pub(super) fn ray_marks(
     (source, weights): (Surroundings<'_>, &SkinWeights),
     target: Surroundings<'_>,
     aligned: &Skeleton,
     takes_part: &[bool],
-) -> Vec<Constraint> {
+) -> Vec<RayMark> {
     let unturned = vec![DMat3::IDENTITY; aligned.bone_count()];
     let pairs = shoot((source, aligned, weights), (target, aligned, &unturned), takes_part, &FAN);
     let mut of_bone: Vec<Vec<f64>> = vec![Vec::new(); aligned.bone_count()];
@@ -42,14 +63,19 @@ pub(super) fn ray_marks(
         ratio < PLAUSIBLE && normal(source, &pair.source).dot(normal(target, &pair.target)) > NORMALS
     });
     plausible
-        .map(|pair| Constraint {
-            anchor: Anchor::Point {
+        .map(|pair| {
+            let shares = [(source, &pair.source), (target, &pair.target)]
+                .map(|(surface, hit)| barycentric(surface.mesh, hit));
+            let corner = |surface: Surroundings<'_>, hit: &RayHit, shares: [f64; 3]| {
+                let largest = (0..3).rev().max_by(|&a, &b| shares[a].total_cmp(&shares[b])).unwrap_or(0);
+                surface.mesh.triangles()[hit.triangle as usize][largest]
+            };
+            RayMark {
                 triangle: pair.source.triangle,
-                barycentric: barycentric(source.mesh, &pair.source),
-            },
-            position: pair.target.position,
-            weight: WEIGHT,
-            trusted: false,
+                barycentric: shares[0],
+                position: pair.target.position,
+                vertices: [corner(source, &pair.source, shares[0]), corner(target, &pair.target, shares[1])],
+            }
         })
         .collect()
 }

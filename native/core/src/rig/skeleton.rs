@@ -175,8 +175,8 @@ impl Skeleton {
         Self { heads: place(&self.heads), tails: place(&self.tails), ..like.clone() }
     }
 
-    /// The same bones at other places. Takes B finite heads and tails.
-    pub(crate) fn moved(&self, heads: Vec<DVec3>, tails: Vec<DVec3>) -> Self {
+    /// This skeleton with its bones at other places: finite heads and tails (B).
+    pub(crate) fn placed(&self, heads: Vec<DVec3>, tails: Vec<DVec3>) -> Self {
         Self { heads, tails, ..self.clone() }
     }
 
