@@ -11,7 +11,8 @@ use crate::skinning::SkinWeights;
 /// Rays that measure girth.
 const GIRTH_FAN: Fan<'static> = Fan { stations: &[0.1, 0.3, 0.5, 0.7, 0.9], directions: 8 };
 
-/// Aligns a source with `aligned`, the same bones in the target's rest pose.
+/// Aligns a source with `aligned`, the same bones in the target's rest pose. Returns also how much
+/// each bone (B) should rely on the target's skeleton rather than on the source.
 ///
 /// # Errors
 /// [`RetargetError`] when the fit fails or was cancelled.
@@ -23,7 +24,7 @@ pub(super) fn align<'a>(
     target: Surroundings<'_>,
     aligned: Skeleton,
     progress: &Progress,
-) -> Result<Alignment<'a>, RetargetError> {
+) -> Result<(Alignment<'a>, Vec<f64>), RetargetError> {
     let bone_count = skeleton.bone_count();
     let zeros = vec![0.0; bone_count];
     let mut alignment = Alignment {
@@ -39,8 +40,6 @@ pub(super) fn align<'a>(
     let rays =
         shoot((source, skeleton, weights), (target, &alignment.aligned, &rotations), takes_part, &GIRTH_FAN);
     alignment.log_girths = log_girths(&rays, bone_count);
-    if std::env::var("NOFIT").is_err() {
-        refine(&mut alignment, target, target.shell.extent, &FitSettings::default(), progress)?;
-    }
-    Ok(alignment)
+    let shares = refine(&mut alignment, target, target.shell.extent, &FitSettings::default(), progress)?;
+    Ok((alignment, shares))
 }

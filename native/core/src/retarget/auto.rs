@@ -2,8 +2,14 @@
 //! its surface, and matched by closest points; what no match serves is filled smoothly, and loose
 //! parts are treated as things of their own.
 
+use glam::DVec3;
+use kdtree::KdTree;
+use kdtree::distance::squared_euclidean;
+use rayon::prelude::*;
+
 use super::alignment::align;
 use super::deform::{DeformSettings, Deformer};
+use super::differing_shapes::mix_skeleton_weights;
 use super::icp::{IcpSettings, Surroundings, register};
 use super::inpaint::{InpaintSettings, Row};
 use super::landmarks::check_landmarks;
@@ -22,6 +28,9 @@ use crate::spectral::SpectralError;
 
 /// What a landmark of the user weighs; automatic ones weigh some tens.
 const USER_WEIGHT: f64 = 3000.0;
+
+/// Inpainting reaches this far from accepted matches, as a share of the extent.
+const FAR_FROM_MATCHES: f64 = 0.02;
 
 /// A character with both of its halves.
 #[derive(Clone, Copy)]
@@ -55,7 +64,7 @@ pub(super) fn retarget(
     let target_surface = Surroundings { mesh: target.mesh, query: &target_query, shell: &target_shell };
 
     progress.begin("Aligning the skeletons", 0.1, 0.4)?;
-    let alignment = align(
+    let (alignment, shares) = align(
         source_surface,
         source.skeleton,
         source_weights,
@@ -102,7 +111,10 @@ pub(super) fn retarget(
     let spectral = |error| spectral_error("target", error);
     let matches =
         match_surfaces(surface, target_surface, &RejectionSettings::default(), progress).map_err(spectral)?;
-    let known: Vec<bool> = matches.iter().map(|found| found.accepted || stage < 4).collect();
+    let accepted: Vec<bool> = matches.iter().map(|found| found.accepted || stage < 4).collect();
+    let depth = FAR_FROM_MATCHES * target_surface.shell.extent;
+    let far = far_from_matches(target.mesh.vertices(), &accepted, depth);
+    let known: Vec<bool> = accepted.iter().zip(&far).map(|(accepted, far)| *accepted || *far).collect();
     let rows: Vec<Row> = matches.iter().map(|found| blend(found, &moved, source_weights)).collect();
 
     progress.begin("Filling weights", 0.9, 1.0)?;
@@ -110,11 +122,16 @@ pub(super) fn retarget(
         .map(|v| source_weights.entries(v).map(|(bone, weight)| (bone, f64::from(weight))).collect())
         .collect();
     let deformed = SourceWeights { surface, rows: &source_rows };
-    let parts = plan_parts(target.mesh, &known, deformed, PartPolicy::Auto);
+    let parts = plan_parts(target.mesh, &accepted, deformed, PartPolicy::Auto);
     let filling = InpaintSettings::default();
-    let filled =
+    let mut filled =
         weigh_parts(target.mesh, &parts, &rows, &known, deformed, &filling, progress).map_err(spectral)?;
-    let origin = origins(&filled);
+    let origin = origins(&filled, &accepted);
+    if stage >= 5 {
+        mix_skeleton_weights(&mut filled.rows, target.mesh.vertices(), &alignment, &shares, |v| {
+            origin[v] != Origin::Part
+        });
+    }
     let rows = filled.rows.iter().map(|row| renumber(row, &pairs));
     let mut weights = SkinWeights::from_rows(rows, target.skeleton.bone_count());
     if let Some(count) = settings.max_influences {
@@ -131,7 +148,7 @@ pub(super) fn retarget(
 
 /// The moved vertices with the triangles whose corners all have weights.
 fn weighted_surface(
-    moved: Vec<glam::DVec3>,
+    moved: Vec<DVec3>,
     mesh: &TriangleMesh,
     weights: &SkinWeights,
 ) -> Result<TriangleMesh, MeshError> {
@@ -163,8 +180,24 @@ fn nearest(found: &SurfaceMatch, mesh: &TriangleMesh) -> u32 {
     mesh.triangles()[found.triangle as usize][largest]
 }
 
-fn origins(filled: &PartWeights) -> Vec<Origin> {
-    let mut origin = vec![Origin::Matched; filled.rows.len()];
+/// Vertices without an accepted match that have none within `depth` of them either: there is
+/// nothing to inpaint from, and the closest point of the source is the better guess.
+fn far_from_matches(vertices: &[DVec3], accepted: &[bool], depth: f64) -> Vec<bool> {
+    let mut tree = KdTree::new(3);
+    for (vertex, point) in vertices.iter().enumerate().filter(|(vertex, _)| accepted[*vertex]) {
+        // Coordinates of a mesh are finite, so adding them cannot fail.
+        let _ = tree.add(point.to_array(), vertex);
+    }
+    let is_far = |(point, accepted): (&DVec3, &bool)| {
+        let nearest = tree.nearest(&point.to_array(), 1, &squared_euclidean);
+        !accepted && nearest.is_ok_and(|found| found.first().is_none_or(|found| found.0 > depth * depth))
+    };
+    vertices.par_iter().zip(accepted).map(is_far).collect()
+}
+
+fn origins(filled: &PartWeights, accepted: &[bool]) -> Vec<Origin> {
+    let origin = |accepted: &bool| if *accepted { Origin::Matched } else { Origin::Nearest };
+    let mut origin: Vec<Origin> = accepted.iter().map(origin).collect();
     filled.inpainted.iter().for_each(|&v| origin[v as usize] = Origin::Inpainted);
     for part in filled.parts.iter().filter(|part| part.policy != PartPolicy::Match) {
         part.vertices.iter().for_each(|&v| origin[v as usize] = Origin::Part);

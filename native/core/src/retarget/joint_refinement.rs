@@ -11,8 +11,9 @@
 use glam::DVec3;
 
 use super::RetargetError;
+use super::differing_shapes::skeleton_shares;
 use super::icp::Surroundings;
-use super::joint_system::{self, Meeting, Unknowns, typical_distances};
+use super::joint_system::{self, Meeting, Trust, Unknowns, typical_distances};
 use super::parallel::map_indices;
 use super::warp::Warp;
 use crate::mesh::TriangleMesh;
@@ -25,13 +26,16 @@ use crate::skinning::SkinWeights;
 pub(super) struct FitSettings {
     /// Number of Gauss-Newton steps.
     pub(super) steps: u32,
+    /// How many of them move joints only: turns and girths must not make up for joints that are
+    /// off.
+    pub(super) joint_steps: u32,
     /// Assumed error of the given joints as a share of the character's extent.
     pub(super) joint_error: f64,
 }
 
 impl Default for FitSettings {
     fn default() -> Self {
-        Self { steps: 12, joint_error: 0.015 }
+        Self { steps: 14, joint_steps: 6, joint_error: 0.025 }
     }
 }
 
@@ -61,7 +65,8 @@ impl Alignment<'_> {
     }
 }
 
-/// Fits the alignment to the target's surface, whose size is `extent`.
+/// Fits the alignment to the target's surface, whose size is `extent`. Returns how much each bone
+/// (B) should rely on the target's skeleton rather than on the source, see [`skeleton_shares`].
 ///
 /// # Errors
 /// [`RetargetError::Cancelled`], [`RetargetError::Linalg`].
@@ -71,7 +76,7 @@ pub(super) fn refine(
     extent: f64,
     settings: &FitSettings,
     progress: &Progress,
-) -> Result<(), RetargetError> {
+) -> Result<Vec<f64>, RetargetError> {
     let unknowns = Unknowns::new(alignment.skeleton, &alignment.aligned, alignment.takes_part, extent);
     let given = (alignment.aligned.clone(), alignment.log_girths.clone());
     let mut before = Vec::new();
@@ -83,14 +88,9 @@ pub(super) fn refine(
         if before.is_empty() {
             before = typical_distances(alignment.weights, &meetings);
         }
-        let step = joint_system::step(
-            alignment,
-            &warp,
-            &points,
-            &meetings,
-            &unknowns,
-            settings.joint_error * extent,
-        );
+        let trust =
+            Trust { joint_error: settings.joint_error * extent, joints_only: step < settings.joint_steps };
+        let step = joint_system::step(alignment, &warp, &points, &meetings, &unknowns, trust);
         let step = step.map_err(|error| RetargetError::Spectral { side: "target", error: error.into() })?;
         update(alignment, &unknowns, &step);
     }
@@ -100,7 +100,11 @@ pub(super) fn refine(
     let helped: Vec<f64> =
         before.iter().zip(&after).map(|(&before, &after)| share_kept(before, after)).collect();
     keep(alignment, &unknowns, &given, &helped);
-    Ok(())
+    let points = alignment.warp().apply(alignment.source.mesh.vertices(), alignment.weights);
+    let meetings = meet(alignment, &points, target, [1.0, 1.0], progress)?;
+    let distances: Vec<Option<f64>> =
+        meetings.iter().map(|meeting| meeting.as_ref().map(|meeting| meeting.distance)).collect();
+    Ok(skeleton_shares(alignment, &points, &distances))
 }
 
 /// How much of the fit a bone keeps: all where it explains most of the distance between the

@@ -92,6 +92,15 @@ pub(super) struct Meeting {
     pub(super) distance: f64,
 }
 
+/// What may move in a step and how far.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Trust {
+    /// Assumed error of the given joints, in the mesh's unit.
+    pub(super) joint_error: f64,
+    /// Whether turns and girths stay.
+    pub(super) joints_only: bool,
+}
+
 /// Solves the normal equations of one step: changes of all unknowns.
 ///
 /// # Errors
@@ -102,7 +111,7 @@ pub(super) fn step(
     points: &[DVec3],
     meetings: &[Option<Meeting>],
     unknowns: &Unknowns,
-    joint_error: f64,
+    trust: Trust,
 ) -> Result<Vec<f64>, LinalgError> {
     let mut system = System::new(unknowns);
     let typical = typical_distances(alignment.weights, meetings);
@@ -113,9 +122,12 @@ pub(super) fn step(
         let Some(meeting) = meeting.as_ref().filter(|m| m.distance <= TRIM * typical) else { continue };
         row.clear();
         jacobian(alignment, warp, vertex, points[vertex], meeting.normal, unknowns, &mut row);
+        if trust.joints_only {
+            row.retain(|entry| entry.0 < 3 * unknowns.given.len());
+        }
         let share = if typical > 0.0 { meeting.distance / (2.0 * typical) } else { 0.0 };
         let weight = 1.0 / (1.0 + share * share);
-        let doubt = LEAST_PRIOR + (typical / joint_error).powi(2);
+        let doubt = LEAST_PRIOR + (typical / trust.joint_error).powi(2);
         system.add_row(&row, weight, meeting.gap, doubt);
     }
     system.add_priors(alignment, unknowns);

@@ -9,6 +9,7 @@ mod bone_rotations;
 mod bones;
 mod chains;
 pub mod deform;
+mod differing_shapes;
 mod error;
 mod geodesic;
 pub mod icp;
@@ -93,6 +94,8 @@ pub enum Origin {
     Matched,
     /// Its neighbours, by biharmonic inpainting.
     Inpainted,
+    /// The closest point of the source, although no match near it could be relied on.
+    Nearest,
     /// The treatment of its loose part: rigid, or after the surface below.
     Part,
 }
@@ -121,6 +124,7 @@ fn by_method(
     settings: &Settings,
     progress: &Progress,
 ) -> Result<Retargeted, RetargetError> {
+    check_counts(source, source_weights)?;
     match (settings.method, source.skeleton, target.skeleton) {
         (Method::Auto, Some(from), Some(to)) => {
             let source = auto::Rigged { mesh: source.mesh, skeleton: from };
@@ -129,4 +133,22 @@ fn by_method(
         }
         _ => paper::retarget(source, source_weights, target, landmarks, settings, progress),
     }
+}
+
+fn check_counts(source: Character<'_>, weights: &SkinWeights) -> Result<(), RetargetError> {
+    let vertex_count = source.mesh.vertex_count();
+    let bone_count = source.skeleton.map_or(weights.bone_count(), Skeleton::bone_count);
+    let checks = [
+        ("vertices", "mesh", weights.vertex_count(), vertex_count),
+        ("bones", "skeleton", weights.bone_count(), bone_count),
+    ];
+    for (element, owner, found, expected) in checks {
+        if found != expected {
+            return Err(RetargetError::WeightCounts { element, owner, weights: found, expected });
+        }
+    }
+    if weights.entry_count() == 0 {
+        return Err(RetargetError::NoWeights);
+    }
+    Ok(())
 }

@@ -32,7 +32,6 @@ pub(super) fn retarget(
     progress: &Progress,
 ) -> Result<Retargeted, RetargetError> {
     progress.begin("Reading the characters", 0.0, 0.05)?;
-    check_counts(source, source_weights)?;
     let carries_weight = source_weights.used_bones();
     let bone_pairs = match (source.skeleton, target.skeleton) {
         (Some(from), Some(to)) => Some(pair_bones(from, to, &carries_weight)?),
@@ -116,24 +115,6 @@ pub(super) fn retarget(
         origin,
         landmarks: pairs.iter().map(|&[s, t]| [source_body.whole(s), target_body.whole(t)]).collect(),
     })
-}
-
-fn check_counts(source: Character<'_>, weights: &SkinWeights) -> Result<(), RetargetError> {
-    let vertex_count = source.mesh.vertex_count();
-    let bone_count = source.skeleton.map_or(weights.bone_count(), Skeleton::bone_count);
-    let checks = [
-        ("vertices", "mesh", weights.vertex_count(), vertex_count),
-        ("bones", "skeleton", weights.bone_count(), bone_count),
-    ];
-    for (element, owner, found, expected) in checks {
-        if found != expected {
-            return Err(RetargetError::WeightCounts { element, owner, weights: found, expected });
-        }
-    }
-    if weights.entry_count() == 0 {
-        return Err(RetargetError::NoWeights);
-    }
-    Ok(())
 }
 
 fn pieces(side: &'static str, mesh: &TriangleMesh) -> Result<Pieces, RetargetError> {
