@@ -220,6 +220,13 @@ class RetargetResult:
     def matched(self) -> npt.NDArray[np.bool_]:
         """True where a vertex was matched by the surface, False where it was filled in (Vt,)."""
     @property
+    def status(self) -> npt.NDArray[np.uint8]:
+        """Where each vertex has its weights from (Vt,): 0 its match on the source, 1 inpainted from
+        its neighbours, 2 the treatment of its loose part (rigid, or after the surface below), 3 the
+        closest point of the source, although no match near it passed the tests. `matched` is
+        `status == 0`.
+        """
+    @property
     def landmarks(self) -> npt.NDArray[np.int64]:
         """Landmark pairs used (k,2): source vertex, target vertex."""
 
@@ -237,12 +244,19 @@ def retarget_weights(
     eigenpairs: int = 100,
     progress: Progress | None = None,
 ) -> RetargetResult:
-    """Give `target` the weights of `source` (Algorithm 2).
+    """Give `target` the weights of `source`.
 
-    landmarks (k,2) pairs a source vertex with a target vertex; without them both skeletons are
-    needed and landmarks are chosen on them: head, hands and knees of a biped, otherwise the end of
-    every chain. With both skeletons, bones are paired by `map_bones` unless `bone_map` is given, and
-    matches are searched in the same region only (figure 3).
+    "auto" warps the source onto the target's skeleton and rest pose, refines the joints against the
+    surfaces, deforms the surface onto the target's, matches by closest points, and inpaints where no
+    match passes its tests. It needs both skeletons; without them "paper" is used.
+
+    "paper" is Algorithm 2: distances to landmarks. Without landmarks both skeletons are needed and
+    landmarks are chosen on them: head, hands and knees of a biped, otherwise the end of every chain.
+    With both skeletons matches are searched in the same region only (figure 3).
+
+    landmarks (k,2) pairs a source vertex with a target vertex; "auto" adds its own to them, "paper"
+    uses them instead of its own. With both skeletons, bones are paired by `map_bones` unless
+    `bone_map` is given.
     """
 
 def bind_weights(

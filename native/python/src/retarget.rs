@@ -1,6 +1,6 @@
 //! `retarget_weights` and its result.
 
-use dermis::retarget::{self, Character, Method, Retargeted, Settings};
+use dermis::retarget::{self, Character, Method, Origin, Retargeted, Settings};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
@@ -34,6 +34,19 @@ impl PyRetargetResult {
     #[getter]
     fn matched<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         PyArray1::from_vec(py, self.0.matched.clone())
+    }
+
+    /// Where each vertex has its weights from (Vt,): 0 match, 1 inpainting, 2 its loose part, 3 the
+    /// closest point of the source, far from any match that passed its tests.
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
+        let code = |origin: &Origin| match origin {
+            Origin::Matched => 0,
+            Origin::Inpainted => 1,
+            Origin::Part => 2,
+            Origin::Nearest => 3,
+        };
+        PyArray1::from_vec(py, self.0.origin.iter().map(code).collect())
     }
 
     /// Landmark pairs used (k,2): source vertex, target vertex.

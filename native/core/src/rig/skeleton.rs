@@ -176,7 +176,7 @@ impl Skeleton {
     }
 
     /// This skeleton with its bones at other places: finite heads and tails (B).
-    pub(super) fn placed(&self, heads: Vec<DVec3>, tails: Vec<DVec3>) -> Self {
+    pub(crate) fn placed(&self, heads: Vec<DVec3>, tails: Vec<DVec3>) -> Self {
         Self { heads, tails, ..self.clone() }
     }
 
