@@ -34,6 +34,7 @@ pub mod shell;
 mod shepard;
 #[cfg(test)]
 mod test_surfaces;
+mod unclaimed;
 mod warp;
 
 use crate::mesh::TriangleMesh;
