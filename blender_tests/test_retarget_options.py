@@ -332,7 +332,7 @@ def status(ob):
 
 def test_filled_vertices_are_counted_selected_and_shown():
     source, target = filled_case()
-    undoable(source, target, select_filled=True, show_match=True)
+    undoable(source, target, method="PAPER", select_filled=True, show_match=True)
     target = bpy.data.objects["Target"]
     kept = status(target)
     assert len(kept) == 147
