@@ -22,9 +22,11 @@ demo: zip ## Retarget weights in Blender, and what the PBD skin does; pictures, 
 test: zip ## Run all tests and linters (Rust, Python, inside Blender)
 	@$(VENV_PYTHON) scripts/run_tests.py
 
-bench: wheel ## Measure the spectral solver beside scipy, and what the skin keeps; tables and bench/*.json
+bench: zip ## Measure the spectral solver, the skin, its frames and retargeted weights beside others; bench/*.json and *.png
 	@$(VENV_PYTHON) bench/spectral.py
 	@$(VENV_PYTHON) bench/skin.py
+	@$(VENV_PYTHON) bench/skin_frames.py
+	@$(VENV_PYTHON) bench/retarget.py
 
 lint: wheel ## Run the formatters' checks, the linters and the type checker alone
 	@$(VENV_PYTHON) scripts/run_tests.py lint
@@ -44,6 +46,6 @@ environment: ## Make .venv with everything that the other targets need (they cal
 	@"$(PYTHON)" scripts/setup_environment.py
 
 clean: ## Remove everything that make has made
-	rm -rf .venv .setup dist target demo/*.png demo/*.blend demo/*.blend1 demo/report.json bench/*.json
+	rm -rf .venv .setup dist target demo/*.png demo/*.blend demo/*.blend1 demo/report.json bench/*.json bench/*.png
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -108,6 +108,7 @@ def solved(ob, rig, *, vertices=None, **settings):
         ),
         native.Skeleton(np.array(ends[0]), np.array(ends[1]), np.array(parents), names),
         native.SkinWeights.from_dense(c.dense(ob, names)),
+        rest=np.array([rig.matrix_world @ bone.matrix_local for bone in bones]),
         **settings,
     )
     pose = [rig.pose.bones[name].matrix @ rig.data.bones[name].matrix_local.inverted() for name in names]

@@ -10,6 +10,13 @@ from scratch_profile import MODULE, PROFILE
 
 OPERATORS = (
     "retarget_weights",
+    "bind_weights",
+    "check",
+    "select_problems",
+    "map_bones",
+    "bone_map_add",
+    "bone_map_remove",
+    "bone_map_clear",
     "landmark_add",
     "landmark_remove",
     "landmark_show",
@@ -20,11 +27,30 @@ OPERATORS = (
 PANELS = (
     "DERMIS_PT_retarget",
     "DERMIS_PT_landmarks",
+    "DERMIS_PT_bind",
+    "DERMIS_PT_check",
+    "DERMIS_PT_bone_map",
+    "DERMIS_UL_bone_map",
     "DERMIS_UL_landmarks",
     "DERMIS_PT_skin",
     "DERMIS_PT_skin_settings",
 )
-MENUS = ("VIEW3D_MT_make_links", "VIEW3D_MT_paint_weight")
+MENUS = {
+    "VIEW3D_MT_make_links": ("dermis.retarget_weights",),
+    "VIEW3D_MT_paint_weight": ("dermis.retarget_weights", "dermis.check"),
+    "VIEW3D_MT_object_parent": ("dermis.bind_weights",),
+}
+
+
+class Options:
+    """Stands in for an operator's options in a layout: takes those that the operator has."""
+
+    def __init__(self, properties):
+        vars(self)["properties"] = properties
+
+    def __setattr__(self, name, value):
+        prop = self.properties[name]
+        assert prop.type != "ENUM" or value in prop.enum_items, value
 
 
 class Layout:
@@ -55,10 +81,12 @@ class Layout:
         self.drawn.append(name)
 
     def operator(self, name, icon="NONE", **_):
+        """Record the operator; what is returned takes its options and checks that it has them."""
         group, _, operator = name.partition(".")
         getattr(getattr(bpy.ops, group), operator).get_rna_type()
         assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
         self.drawn.append(name)
+        return Options(getattr(getattr(bpy.ops, group), operator).get_rna_type().properties)
 
     def prop_search(self, data, name, search_data, search_name, **_):
         assert name in data.bl_rna.properties
@@ -121,11 +149,12 @@ def test_register_and_unregister_twice():
 
 
 def test_menus():
-    for menu in MENUS:
-        (entry,) = entries(menu)
+    for menu, operators in MENUS.items():
         stand_in = Drawn()
-        entry(stand_in, bpy.context)
-        assert "dermis.retarget_weights" in stand_in.layout.drawn
+        for entry in entries(menu):
+            entry(stand_in, bpy.context)
+        drawn = [item for item in stand_in.layout.drawn if str(item).startswith("dermis.")]
+        assert drawn == list(operators)
 
 
 def test_operators_undo_and_have_descriptions():

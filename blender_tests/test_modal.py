@@ -48,26 +48,30 @@ class Context:
         return getattr(bpy.context, name)
 
 
-@pytest.fixture
-def operator():
-    """The operator's Python half, with the default of each option."""
-    original = bpy.types.DERMIS_OT_retarget_weights
-    properties = bpy.ops.dermis.retarget_weights.get_rna_type().properties
+def stand_in_for(name):
+    """An operator's Python half, with the default of each option."""
+    original = getattr(bpy.types, f"DERMIS_OT_{name}")
+    properties = getattr(bpy.ops.dermis, name).get_rna_type().properties
     values = {p.identifier: p.default for p in properties if p.identifier != "rna_type"}
     methods = {}
     for base in reversed([base for base in original.__mro__ if base.__module__.startswith(MODULE)]):
         methods |= {name: value for name, value in vars(base).items() if callable(value)}
-    stand_in = type("StandIn", (), {**methods, "bl_idname": original.bl_idname})()
+    stand_in = type("StandIn", (), {**methods, "bl_idname": original.bl_idname, "doing": original.doing})()
     vars(stand_in).update(values, reports=[])
     stand_in.report = lambda kind, text: stand_in.reports.append((*kind, text))
     return stand_in
 
 
 @pytest.fixture
+def operator():
+    return stand_in_for("retarget_weights")
+
+
+@pytest.fixture
 def gate(monkeypatch):
     """Retargeting that waits until it is let through or cancelled."""
     module = sys.modules[f"{MODULE}.core.task"]
-    original, opened = module.retarget, threading.Event()
+    original, opened = module.find_weights, threading.Event()
 
     def waiting(source, target, settings, progress):
         while not opened.wait(0.005):
@@ -75,8 +79,8 @@ def gate(monkeypatch):
                 raise module.Cancelled("cancelled")
         return original(source, target, settings, progress)
 
-    monkeypatch.setattr(module, "retarget", waiting)
-    monkeypatch.setattr(sys.modules[f"{MODULE}.ui.retarget_weights"], "PATIENCE_SECONDS", 0.0)
+    monkeypatch.setattr(module, "find_weights", waiting)
+    monkeypatch.setattr(sys.modules[f"{MODULE}.ui.modal_job"], "PATIENCE_SECONDS", 0.0)
     yield opened
     opened.set()
 
@@ -97,7 +101,7 @@ def until_ended(operator, context):
 @pytest.fixture
 def scene(monkeypatch):
     monkeypatch.setattr(
-        sys.modules[f"{MODULE}.ui.retarget_weights"], "bpy", SimpleNamespace(app=SimpleNamespace(background=False))
+        sys.modules[f"{MODULE}.ui.modal_job"], "bpy", SimpleNamespace(app=SimpleNamespace(background=False))
     )
     source, _ = c.source_tube()
     target = c.target_tube()
@@ -177,3 +181,48 @@ def test_bad_input_ends_at_once(operator):
     assert operator.invoke(context, None) == {"CANCELLED"}
     assert operator.reports[0][0] == "ERROR"
     assert context.window_manager.timers == []
+
+
+@pytest.fixture
+def dry_run():
+    operator = stand_in_for("check")
+    operator.use_retarget = True
+    return operator
+
+
+def kept_report(ob):
+    return sys.modules[f"{MODULE}.blender.check_reports"].kept_report(ob)
+
+
+def test_dry_run_reports_at_its_end(dry_run, gate, scene):
+    context = Context()
+    before = c.state(scene)
+    assert dry_run.invoke(context, None) == {"RUNNING_MODAL"}
+    assert dry_run.modal(context, event("TIMER")) == {"RUNNING_MODAL"}
+    assert context.status.startswith("Checking: ")
+    gate.set()
+    assert until_ended(dry_run, context) == {"FINISHED"}
+    assert c.state(scene) == before
+    assert kept_report(scene) is not None
+    assert context.window_manager.timers == []
+
+
+@pytest.mark.usefixtures("gate")
+def test_escape_ends_a_dry_run(dry_run, scene):
+    context = Context()
+    before = c.state(scene)
+    dry_run.invoke(context, None)
+    dry_run.modal(context, event("ESC", "PRESS"))
+    assert until_ended(dry_run, context) == {"CANCELLED"}
+    assert dry_run.reports == [("WARNING", "Cancelled. Nothing was changed.")]
+    assert c.state(scene) == before
+    assert kept_report(scene) is None
+
+
+def test_mesh_removed_while_it_is_checked(dry_run, gate, scene):
+    context = Context()
+    dry_run.invoke(context, None)
+    bpy.data.objects.remove(scene)
+    gate.set()
+    assert until_ended(dry_run, context) == {"CANCELLED"}
+    assert dry_run.reports == [("ERROR", "A mesh was removed while it was being checked. Nothing was changed.")]

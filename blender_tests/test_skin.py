@@ -65,6 +65,40 @@ def test_preserve_volume():
     np.testing.assert_allclose(s.shown(ob), s.solved(ob, rig), atol=TOLERANCE)
 
 
+@pytest.mark.parametrize("preserve", [False, True])
+@pytest.mark.parametrize("segments", [1, 4])
+@pytest.mark.parametrize("size", [1.0, 0.02])
+def test_scaled_bones(preserve, segments, size):
+    """Evenly, unevenly and against a parent's turn; the bones lie at any roll, the armature is scaled too."""
+    ob, rig = s.limb()
+    rig.scale = (size, size, size)
+    c.activate(rig)
+    bpy.ops.object.mode_set(mode="EDIT")
+    for bone, roll in zip(rig.data.edit_bones, (0.3, -0.8, 1.1), strict=True):
+        bone.roll = roll
+    bpy.ops.object.mode_set(mode="OBJECT")
+    rig.data.bones["middle"].bbone_segments = segments
+    ob.modifiers["Armature"].use_deform_preserve_volume = preserve
+    bpy.context.view_layer.update()
+    s.enable(rig)
+    rig.pose.bones["lower"].scale = (1.2, 1.1, 0.9)
+    rig.pose.bones["middle"].scale = (0.8, 1.3, 1.0)
+    rig.pose.bones["upper"].scale = (1.5, 1.5, 1.5)
+    s.bend(rig, 70)
+    s.bend(rig, -50, "upper", 2)
+    state = s.state(ob)
+    deltas = state.reading.layout.deltas(rig.evaluated_get(bpy.context.evaluated_depsgraph_get()))
+    to_solver = state.place.armature
+    transforms = to_solver @ deltas @ np.linalg.inv(to_solver)
+    linear = state.place.object[:3, :3]
+    np.testing.assert_allclose(s.plain(ob) @ linear.T, state.skin.plain(transforms), atol=TOLERANCE * size)
+    np.testing.assert_allclose(s.shown(ob) @ linear.T, state.skin.solved(transforms), atol=TOLERANCE * size)
+    assert np.abs(s.shown(ob) - s.plain(ob)).max() > 0.005
+    if segments == 1 and size == 1.0:
+        skinning = "dual_quaternion" if preserve else "linear"
+        np.testing.assert_allclose(s.shown(ob), s.solved(ob, rig, skinning=skinning), atol=TOLERANCE)
+
+
 TURN = Matrix.Rotation(0.7, 4, (1, 2, 3))
 PLACES = {
     "turned": (TURN, TURN),
@@ -75,8 +109,9 @@ PLACES = {
 }
 
 
+@pytest.mark.parametrize("preserve", [False, True])
 @pytest.mark.parametrize("place", PLACES)
-def test_transforms(place):
+def test_transforms(place, preserve):
     """Object and armature anywhere: the mesh lies on the bones in world space, whatever its own space is."""
     ob, rig = s.limb()
     ob.parent = None
@@ -87,10 +122,12 @@ def test_transforms(place):
     ob.parent = rig
     ob.matrix_parent_inverse = rig_matrix.inverted() @ mesh_matrix
     bpy.context.view_layer.update()
+    ob.modifiers["Armature"].use_deform_preserve_volume = preserve
     s.enable(rig)
     s.bend(rig, 80)
     size = np.abs(np.array(rig_matrix)[:3, :3]).max()
-    np.testing.assert_allclose(s.in_world(ob, s.shown(ob)), s.solved(ob, rig), atol=TOLERANCE * size)
+    wanted = s.solved(ob, rig, skinning="dual_quaternion" if preserve else "linear")
+    np.testing.assert_allclose(s.in_world(ob, s.shown(ob)), wanted, atol=TOLERANCE * size)
 
 
 def test_a_walking_character_does_not_change_its_skin():

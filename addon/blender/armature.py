@@ -60,6 +60,14 @@ def read_bones(armature: bpy.types.Object, posed_in: bpy.types.Depsgraph | None 
     return everything.subset(np.flatnonzero(deforming).tolist())
 
 
+def is_posed(armature: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Whether some bone stands elsewhere than at rest in an evaluated scene."""
+    bones = armature.evaluated_get(depsgraph).pose.bones
+    matrices = np.empty(len(bones) * 16, np.float32)
+    bones.foreach_get("matrix_channel", matrices)
+    return bool(np.abs(matrices.reshape(-1, 4, 4) - np.eye(4)).max(initial=0.0) > 1e-4)
+
+
 def check_attachable(ob: bpy.types.Object, armature: bpy.types.Object) -> None:
     """Raise InputError when `attach_armature` would have to refuse."""
     if is_deformed(ob):

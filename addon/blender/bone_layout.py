@@ -27,6 +27,7 @@ class BoneLayout:
     """Columns of a skin's weights and where their transforms come from."""
 
     bones: Bones  # in armature space
+    rest: np.ndarray  # (B,4,4) rest matrices in armature space
     pose_index: np.ndarray  # (B,) place of each column's bone in the pose
     pose_count: int
     segmented: tuple[SegmentedBone, ...]
@@ -52,23 +53,25 @@ def read_layout(armature: bpy.types.Object, evaluated: bpy.types.Object) -> Bone
     """Layout of the armature's deforming bones; `evaluated` is the same armature in an evaluated scene."""
     bones = armature.data.bones
     pose_index = {bone.name: i for i, bone in enumerate(evaluated.pose.bones)}
-    names, heads, tails, index, segmented = [], [], [], [], []
+    names, heads, tails, rests, index, segmented = [], [], [], [], [], []
     first_column: dict[str, int] = {}
     last_column: dict[str, int] = {}
     for bone in bones:
         if not bone.use_deform or bone.name not in pose_index:
             continue
         first_column[bone.name] = len(names)
+        rest = np.array(bone.matrix_local, np.float64)
         if bone.bbone_segments == 1:
+            rests.append(rest)
             names.append(bone.name)
             heads.append(bone.head_local)
             tails.append(bone.tail_local)
             index.append(pose_index[bone.name])
         else:
             count = bone.bbone_segments + 1
-            rest = np.array(bone.matrix_local, np.float64)
             joints = _joint_matrices(evaluated.pose.bones[bone.name], count, rest=True)
             segmented.append(SegmentedBone(bone.name, len(names), rest, np.linalg.inv(rest), np.linalg.inv(joints)))
+            rests += list(_normalized(rest @ joints))
             places = joints[:, :3, 3] @ rest[:3, :3].T + rest[:3, 3]
             middles = (places[1:] + places[:-1]) / 2
             heads += [places[0], *middles]
@@ -85,7 +88,8 @@ def read_layout(armature: bpy.types.Object, evaluated: bpy.types.Object) -> Bone
     layout = Bones(
         tuple(names), np.array(heads, np.float64).reshape(-1, 3), np.array(tails, np.float64).reshape(-1, 3), parents
     )
-    return BoneLayout(layout, np.array(index, np.intp), len(pose_index), tuple(segmented))
+    rest = np.array(rests, np.float64).reshape(-1, 4, 4)
+    return BoneLayout(layout, rest, np.array(index, np.intp), len(pose_index), tuple(segmented))
 
 
 def read_weights(
@@ -144,6 +148,13 @@ def armature_digest(armature: bpy.types.Armature) -> bytes:
         bones.foreach_get(name, values)
         parts.append(values.tobytes())
     return b"".join(parts)
+
+
+def _normalized(matrices: np.ndarray) -> np.ndarray:
+    """Matrices (n,4,4) with axes of length 1: a segment's rest, whose scale does not count."""
+    result = matrices.copy()
+    result[:, :3, :3] /= np.linalg.norm(matrices[:, :3, :3], axis=1, keepdims=True)
+    return result
 
 
 def _joint_matrices(bone: bpy.types.PoseBone, count: int, *, rest: bool) -> np.ndarray:

@@ -6,12 +6,13 @@ starts, solves in the same space and gets the same bits.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import bpy
 import numpy as np
 
 from ..core.character import Bones, Surface
-from ..core.pose import affine_inverse
+from ..core.pose import affine_inverse, settled
 from .transform import world_matrix
 
 
@@ -41,17 +42,43 @@ class Placement:
         return Bones(bones.names, bones.heads @ linear.T + origin, bones.tails @ linear.T + origin, bones.parents)
 
     def in_object(self, offsets: np.ndarray) -> np.ndarray:
-        """Offsets (V,3) of the solver's space in the object's."""
-        return offsets @ affine_inverse(self.object)[:3, :3].T
+        """Offsets (V,3) float32 of the solver's space in the object's."""
+        return offsets if self._to_object is None else offsets @ self._to_object
+
+    @cached_property
+    def _to_object(self) -> np.ndarray | None:
+        """Matrix (3,3) float32 for rows of offsets, None where the two spaces have the same axes."""
+        if np.array_equal(self.object[:3, :3], np.eye(3)):
+            return None
+        return np.ascontiguousarray(affine_inverse(self.object)[:3, :3].T, np.float32)
 
 
-def object_to_armature(ob: bpy.types.Object, armature: bpy.types.Object) -> np.ndarray:
-    """Matrix (4,4) from the object's space to the armature's, both evaluated in one scene.
+@dataclass(frozen=True)
+class PlacedArmature:
+    """Matrix (4,4) from an armature's space to the solver's, for world matrices (2,4,4) of both objects."""
 
-    InputError where one of them is flattened or not finite.
+    worlds: np.ndarray
+    matrix: np.ndarray
+
+
+def placed_armature(
+    place: Placement, ob: bpy.types.Object, armature: bpy.types.Object, last: PlacedArmature | None
+) -> PlacedArmature:
+    """Where an armature lies in the solver's space as it stands to its object in an evaluated scene.
+
+    `last` is given back where neither has moved. InputError where one is flattened or not finite.
     """
+    worlds = np.array((armature.matrix_world, ob.matrix_world))
+    if last is not None and np.array_equal(worlds, last.worlds):
+        return last
+    to_armature = _object_to_armature(ob, armature, worlds)
+    return PlacedArmature(worlds, settled(place.object @ affine_inverse(to_armature), place.armature))
+
+
+def _object_to_armature(ob: bpy.types.Object, armature: bpy.types.Object, worlds: np.ndarray) -> np.ndarray:
+    """Matrix (4,4) from the object's space to the armature's; InputError as above."""
     try:
-        matrix = affine_inverse(np.array(armature.matrix_world)) @ np.array(ob.matrix_world)
+        matrix = affine_inverse(worlds[0]) @ worlds[1]
         affine_inverse(matrix)
     except ZeroDivisionError:
         matrix = np.full((4, 4), np.nan)
@@ -65,7 +92,8 @@ def place(ob: bpy.types.Object, armature: bpy.types.Object) -> Placement:
     """The placement of an object and its armature as they stand now in an evaluated scene."""
     linear = np.eye(4)
     linear[:3, :3] = world_matrix(ob)[:3, :3]
-    armature_matrix = linear @ affine_inverse(object_to_armature(ob, armature))
+    worlds = np.array((armature.matrix_world, ob.matrix_world))
+    armature_matrix = linear @ affine_inverse(_object_to_armature(ob, armature, worlds))
     # In the precision that a file keeps, so that it is the same before and after saving.
     return Placement(*(m.astype(np.float32).astype(np.float64) for m in (linear, armature_matrix)))
 

@@ -11,7 +11,8 @@ from ..core.errors import InputError
 from ..core.report import retarget_line, retarget_notes
 from ..core.retarget import RetargetSettings
 from ..core.task import RetargetTask
-from .retarget import read_source, read_target, write_targets
+from .retarget import TargetChoice, read_source, read_target, write_targets
+from .scope import Scope
 
 # How often the main thread looks at the working one.
 POLL_SECONDS = 0.05
@@ -26,26 +27,31 @@ class GeometryChoice:
 
 
 class RetargetJob:
-    """Reads everything and checks it in the constructor; `finish` writes."""
+    """Reads everything and checks it in the constructor; `finish` writes, then `results` holds what."""
 
     def __init__(
         self,
         source: bpy.types.Object,
         objects: Sequence[bpy.types.Object],
-        landmarks: Sequence[Sequence[tuple[int, int]]],
+        choices: Sequence[TargetChoice],
         geometry: GeometryChoice,
         settings: RetargetSettings,
         depsgraph: bpy.types.Depsgraph,
+        scope: Scope | None = None,
+        show_match: bool = False,
     ) -> None:
         self._began = perf_counter()
+        self._show_match = show_match
+        self.settings = settings
+        scope = scope or Scope()
         self._source_object = source
         self.objects = tuple(objects)
-        self._source = read_source(source, depsgraph, geometry.source_evaluated)
-        self._targets = [
-            read_target(ob, source, depsgraph, geometry.target_evaluated, pairs)
-            for ob, pairs in zip(objects, landmarks, strict=True)
+        self.source = read_source(source, depsgraph, geometry.source_evaluated)
+        self.targets = [
+            read_target(ob, source, depsgraph, geometry.target_evaluated, choice, scope, self.source.boneless_groups)
+            for ob, choice in zip(objects, choices, strict=True)
         ]
-        self.task = RetargetTask(self._source, self._targets, settings)
+        self.task = RetargetTask(self.source, self.targets, settings)
 
     def run(self, show_progress: Callable[[float], None]) -> None:
         """Work to the end; the thread that calls stays able to be interrupted."""
@@ -61,9 +67,11 @@ class RetargetJob:
         """Write the results; the line to report and notes on what was left out."""
         results = self.task.result()
         try:
-            write_targets(self._source_object, self.objects, self._targets, results)
+            write_targets(self._source_object, self.objects, self.targets, results, self._show_match)
         except ReferenceError as error:
             raise InputError("A mesh was removed while its weights were being retargeted.") from error
-        named = {target.name: result for target, result in zip(self._targets, results, strict=True)}
-        line = retarget_line(self._source, named, perf_counter() - self._began)
-        return line, retarget_notes(self._source, named)
+        named = {target.name: result for target, result in zip(self.targets, results, strict=True)}
+        line = retarget_line(self.source, named, perf_counter() - self._began)
+        self.results = tuple(results)
+        copied = any(target.copied_groups for target in self.targets)
+        return line, retarget_notes(self.source, named, copied, self.settings.keep_unmapped)

@@ -51,9 +51,9 @@ def remove_key(ob: bpy.types.Object, with_basis: bool) -> None:
 
 
 def write_offsets(ob: bpy.types.Object, offsets: np.ndarray | None) -> None:
-    """Set the key to the rest shape plus offsets (V,3) in the object's space, none of them for None."""
+    """Set the key to the rest shape plus offsets (V,3) float32 in the object's space, none of them for None."""
     positions = rest_positions(ob.data)
     if offsets is not None:
-        positions = positions + offsets
-    find_key(ob).points.foreach_set("co", np.ascontiguousarray(positions, np.float32).ravel())
+        positions += offsets
+    find_key(ob).points.foreach_set("co", positions.ravel())
     ob.data.update_tag()

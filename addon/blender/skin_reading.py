@@ -2,7 +2,7 @@
 """Reads what a skin is made of from the scene."""
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -35,15 +35,11 @@ class SkinReading:
     def placed(self, placement: Placement) -> SkinInput:
         """The input of the solver."""
         raw = self.raw
-        return SkinInput(
-            raw.name,
-            raw.armature,
-            placement.surface(raw.surface),
-            placement.bones(raw.bones),
-            raw.weights,
-            raw.skinning,
-            raw.settings,
-            raw.stiffness_shares,
+        return replace(
+            raw,
+            surface=placement.surface(raw.surface),
+            bones=placement.bones(raw.bones),
+            bone_rest=None if raw.bone_rest is None else placement.armature @ raw.bone_rest,
         )
 
     def skin_key(self, placement: Placement) -> str:
@@ -53,6 +49,8 @@ class SkinReading:
         digest.update(repr((self.raw.skinning, self.raw.settings)).encode())
         if self.raw.stiffness_shares is not None:
             digest.update(self.raw.stiffness_shares.tobytes())
+        if self.raw.bone_rest is not None:
+            digest.update(self.raw.bone_rest.tobytes())
         return digest.hexdigest()
 
 
@@ -84,6 +82,7 @@ def read_skin(
         skinning="dual_quaternion" if modifier.use_deform_preserve_volume else "linear",
         settings=settings,
         stiffness_shares=_stiffness_shares(ob, groups),
+        bone_rest=layout.rest if modifier.use_deform_preserve_volume else None,
     )
     raw.check()
     shares = None
@@ -130,16 +129,12 @@ def shape_digest(mesh: bpy.types.Mesh) -> bytes:
     return digest.digest()
 
 
-def skin_line(stats: dict, limited: int, milliseconds: float) -> str:
-    """What a skin consists of and what the last frame took, in one line."""
-    constraints = sum(stats["constraints"].values())
-    parts = [
-        counted(stats["tetrahedra"], "tetrahedron", "tetrahedra"),
-        counted(constraints, "constraint"),
-        f"{milliseconds:.1f} ms per frame",
-    ]
+def skin_lines(stats: dict, limited: int, milliseconds: float) -> list[str]:
+    """What the last frame took and what the skin consists of, line by line."""
+    size = counted(stats["tetrahedra"], "tetrahedron", "tetrahedra")
+    lines = [f"{milliseconds:.1f} ms per frame", f"{size}, {counted(sum(stats['constraints'].values()), 'constraint')}"]
     if limited:
-        parts.append(f"{counted(limited, 'vertex', 'vertices')} limited")
+        lines.append(f"{counted(limited, 'vertex', 'vertices')} limited")
     if stats["inverted"]:
-        parts.append(f"{counted(stats['inverted'], 'tetrahedron', 'tetrahedra')} inverted")
-    return ", ".join(parts)
+        lines.append(f"{counted(stats['inverted'], 'tetrahedron', 'tetrahedra')} inverted")
+    return lines

@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 
 from ..core.skin import Skin, SkinStore
+from .placement import PlacedArmature, Placement
 from .skin_reading import SkinReading
 
 
@@ -27,6 +28,8 @@ class SkinState:
 
     name: str
     reading: SkinReading | None = None
+    place: Placement | None = None
+    placed: PlacedArmature | None = None
     skin: Skin | None = None
     skin_key: str = ""
     configuration: tuple[Any, ...] = ()
@@ -69,7 +72,7 @@ class SkinRegistry:
         """The object's state, if it has one."""
         return self._states.get(ob.session_uid)
 
-    def skin(self, reading: SkinReading, key: str, placement: Any) -> Skin:
+    def skin(self, reading: SkinReading, key: str, placement: Placement) -> Skin:
         """The skin of a reading, built when no object has shown it lately."""
         in_use = {state.skin_key for state in self._states.values()}
         return self.store.get(key, reading.placed(placement), in_use)

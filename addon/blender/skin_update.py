@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import InputError, sentence
-from ..core.pose import affine_inverse, conjugated, settled
+from ..core.pose import conjugated
 from ..core.skin_input import check_finite_pose
 from ..core.skin_settings import SkinSettings
 from . import placement
@@ -108,10 +108,9 @@ def _update(
         _refresh(ob, state, modifier, depsgraph)
         deltas = state.reading.layout.deltas(armature)
     check_finite_pose(armature.name, state.reading.layout.bones, deltas)
-    place = placement.stored(ob)
-    to_armature = placement.object_to_armature(evaluated, armature)
-    to_solver = settled(place.object @ affine_inverse(to_armature), place.armature)
-    transforms = conjugated(deltas, to_solver).astype(np.float32)
+    place = state.place
+    state.placed = placement.placed_armature(place, evaluated, armature, state.placed)
+    transforms = conjugated(deltas, state.placed.matrix).astype(np.float32)
     if vertices is not None:
         vertices = (vertices @ place.object[:3, :3].T).astype(np.float32)
     signature = state.skin_key.encode() + transforms.tobytes() + (b"" if vertices is None else vertices.tobytes())
@@ -184,6 +183,6 @@ def _rebuild(
         state.notice = REBUILT
     key = reading.skin_key(place)
     state.skin = registry.skin(reading, key, place)
-    state.reading, state.skin_key = reading, key
+    state.reading, state.place, state.placed, state.skin_key = reading, place, None, key
     state.stats = state.skin.stats
     state.written = None

@@ -6,8 +6,10 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 import bpy
+import numpy as np
 from mathutils import Matrix
 
+from .match_display import read_colors, restore_colors
 from .vertex_groups import GroupWeights, read_groups, restore_groups
 
 
@@ -24,6 +26,8 @@ class _State:
     parent_type: str
     parent_bone: str
     parent_inverse: Matrix
+    colors: np.ndarray | None
+    active_color: str
 
     @classmethod
     def of(cls, ob: bpy.types.Object) -> "_State":
@@ -38,6 +42,8 @@ class _State:
             parent_type=ob.parent_type,
             parent_bone=ob.parent_bone,
             parent_inverse=ob.matrix_parent_inverse.copy(),
+            colors=read_colors(ob.data),
+            active_color=ob.data.color_attributes.active_color_name,
         )
 
     def restore(self) -> None:
@@ -55,11 +61,12 @@ class _State:
             ob.parent_bone = self.parent_bone
         ob.matrix_parent_inverse = self.parent_inverse
         restore_groups(ob, self.groups)
+        restore_colors(ob.data, self.colors, self.active_color)
 
 
 @contextmanager
 def restored_on_failure(objects: Sequence[bpy.types.Object]) -> Iterator[None]:
-    """Bring vertex groups, modifiers and parents of the objects back when the block raises."""
+    """Bring vertex groups, modifiers, parents and match colors of the objects back when the block raises."""
     with ExitStack() as undo:
         for ob in objects:
             undo.callback(_State.of(ob).restore)

@@ -84,8 +84,9 @@ def write_groups(
     weights: BoneWeights,
     replaced: np.ndarray,
     created: Sequence[int],
+    written: np.ndarray | None = None,
 ) -> None:
-    """Replace the weights of the vertices `replaced` (m,) in the unlocked groups of the bones.
+    """Replace the weights of the vertices `replaced` (m,) in the unlocked groups of the bones `written` (B,).
 
     Missing groups of the bones `created` are added at the end, in that order. Groups that are
     locked or belong to no bone are not touched, and the active group stays active.
@@ -98,7 +99,11 @@ def write_groups(
     if active >= 0:
         groups.active_index = active
     found = ((bone, groups.get(name)) for bone, name in enumerate(bone_names))
-    unlocked = [(bone, group) for bone, group in found if group is not None and not group.lock_weight]
+    unlocked = [
+        (bone, group)
+        for bone, group in found
+        if group is not None and not group.lock_weight and (written is None or written[bone])
+    ]
     clear = replaced.tolist()
     if clear:
         for _, group in unlocked:

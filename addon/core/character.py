@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -92,6 +93,11 @@ class BoneWeights:
     bone: Integers
     value: Weights
 
+    @classmethod
+    def none(cls) -> BoneWeights:
+        """No entry at all."""
+        return cls(np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0, np.float32))
+
     def __len__(self) -> int:
         return len(self.value)
 
@@ -103,12 +109,28 @@ class BoneWeights:
         """The entries that `kept` (n,) marks."""
         return BoneWeights(self.vertex[kept], self.bone[kept], self.value[kept])
 
+    def summed(self) -> BoneWeights:
+        """One entry for each pair of vertex and bone, by vertex, then bone; repeated ones are added."""
+        width = int(self.bone.max(initial=0)) + 1
+        key, place = np.unique(self.vertex.astype(np.int64) * width + self.bone, return_inverse=True)
+        value = np.bincount(place, weights=self.value, minlength=len(key)).astype(np.float32)
+        return BoneWeights((key // width).astype(np.int32), (key % width).astype(np.int32), value)
+
+
+class BonePair(NamedTuple):
+    """A row of a bone list: source bone, target bone or nothing, and how it was found ("user": by hand)."""
+
+    source: str
+    target: str
+    how: str = "user"
+
 
 @dataclass(frozen=True)
 class Source:
     """The character that gives its weights.
 
-    Columns of `weights` are `bones`; `ignored_groups` are vertex groups that no bone has.
+    Columns of `weights` are `bones`; `boneless_groups` are vertex groups that no bone has, the
+    columns of `boneless`. `shape` says in which shape it was read.
     """
 
     name: str
@@ -116,7 +138,9 @@ class Source:
     surface: Surface
     bones: Bones
     weights: BoneWeights
-    ignored_groups: tuple[str, ...] = ()
+    boneless_groups: tuple[str, ...] = ()
+    boneless: BoneWeights = field(default_factory=BoneWeights.none)
+    shape: Literal["rest", "pose ignored", "evaluated"] = "rest"
 
 
 @dataclass(frozen=True)
@@ -125,6 +149,9 @@ class Target:
 
     Columns of `existing`, the weights it has now, are `bones`; `locked` (B,) marks the bones
     whose groups must stay as they are. landmarks (k,2) pair a source vertex with a target vertex.
+    `only_bones` (B,) and `only_vertices` (V,) restrict what is written, `copied_groups` are the
+    source's groups without a bone that are copied too, columns of `copied_existing`; bone_map pairs
+    a source bone with each of its target bones, None to have them found.
     """
 
     name: str
@@ -134,3 +161,18 @@ class Target:
     existing: BoneWeights
     locked: Flags
     landmarks: npt.NDArray[np.int64] | None = None
+    only_bones: Flags | None = None
+    only_vertices: Flags | None = None
+    copied_groups: tuple[str, ...] = ()
+    copied_existing: BoneWeights = field(default_factory=BoneWeights.none)
+    bone_map: tuple[BonePair, ...] | None = None
+
+    @property
+    def chosen(self) -> Flags:
+        """Which bones (B,) get weights, locks left aside."""
+        return np.ones(len(self.bones), np.bool_) if self.only_bones is None else self.only_bones
+
+    @property
+    def selected(self) -> Flags:
+        """Which vertices (V,) get weights."""
+        return np.ones(len(self.surface.vertices), np.bool_) if self.only_vertices is None else self.only_vertices

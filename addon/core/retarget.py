@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One call of the native retargeting (Algorithm 2) for a source and a target."""
+"""One call of the native retargeting for a source and a target."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -12,48 +12,83 @@ from dermis_native import (
     Cancelled,
     DermisError,
     Progress,
-    RetargetResult,
-    Skeleton,
     SkinWeights,
     TriangleMesh,
     retarget_weights,
 )
 
-from .bones import BonePairs, pair_bones
-from .character import Bones, BoneWeights, Integers, Source, Surface, Target
+from .bones import BoneMapping, map_characters, native_skeleton
+from .character import BoneWeights, Flags, Integers, Source, Surface, Target
 from .errors import InputError
-from .locks import check_totals, merge_weights
+from .merge import MergeSettings, check_totals, merge_weights
+from .mirror import Mirror, blended, left_shares
 
 Method = Literal["auto", "paper"]
+
+# How a vertex got its weights, in `TargetWeights.status`.
+KEPT, MATCHED, FILLED = 0, 1, 2
 
 
 @dataclass(frozen=True)
 class RetargetSettings:
-    """How weights are retargeted; max_influences None means any number."""
+    """How weights are found and written.
+
+    mirror "flip" uses the source's mirror image, "left" and "right" its left or right side for both
+    halves; close_seams gives coincident open-edge vertices of all targets equal weights;
+    keep_unmapped keeps the weights of target bones that stand for no source bone, as a lock does.
+    """
 
     method: Method = "auto"
-    max_influences: int | None = None
     eigenpairs: int = 100
-    replace: bool = True
+    mirror: Mirror = "none"
+    close_seams: bool = True
+    keep_unmapped: bool = False
+    merge: MergeSettings = field(default_factory=MergeSettings)
+
+    @property
+    def runs(self) -> int:
+        """How many times a target is matched."""
+        return 2 if self.mirror in ("left", "right") else 1
+
+
+@dataclass(frozen=True)
+class FoundWeights:
+    """What the native module found for every vertex of one target, whatever is chosen to be written.
+
+    Columns of `weights` are the target's bones, of `copied` its copied groups; status (V,).
+    """
+
+    mapping: BoneMapping
+    weights: BoneWeights
+    copied: BoneWeights
+    status: npt.NDArray[np.uint8]
+    landmarks: int
 
 
 @dataclass(frozen=True)
 class TargetWeights:
     """What one target gets.
 
-    Columns of `weights` are the target's bones; `replaced` (m,) are the vertices that it holds
-    for; `groups` are the bones that must have a group; matched and filled count the replaced
-    vertices by how their weights were found; influences is the most that one vertex has.
+    Columns of `weights` are the target's bones; `replaced` (m,) are the vertices and `written` (B,)
+    the bones that it holds for; `groups` are the bones that must have a group. Columns of `copied`
+    are the target's copied groups. `status` (V,) tells how each vertex's weights were found;
+    matched and filled count the replaced vertices by it. influences is the most that one vertex
+    has, `limited` how many vertices had more; `seams` how many lie at a seam that was closed.
     """
 
     weights: BoneWeights
     replaced: Integers
+    written: Flags
     groups: tuple[int, ...]
-    only_in_target: tuple[str, ...]
+    copied: BoneWeights
+    mapping: BoneMapping
+    status: npt.NDArray[np.uint8]
     matched: int
     filled: int
     landmarks: int
     influences: int
+    limited: int
+    seams: int = 0
 
 
 def check_source(source: Source) -> None:
@@ -67,35 +102,39 @@ def check_source(source: Source) -> None:
         raise InputError(f"'{source.name}' has a weight that is not finite at vertex {vertex}.")
 
 
-def check_target(source: Source, target: Target) -> BonePairs:
-    """Raise InputError when the target cannot be given weights; return the pairs of bones."""
+def check_target(source: Source, target: Target) -> BoneMapping:
+    """Raise InputError when the target cannot be given weights; return the map of its bones."""
     target.surface.check(target.name)
     target.bones.check(target.armature)
     if target.locked.all():
         raise InputError(f"All bone groups of '{target.name}' are locked.")
+    if not (target.chosen & ~target.locked).any():
+        raise InputError(f"All chosen bone groups of '{target.name}' are locked.")
+    if not target.selected.any():
+        raise InputError(f"No vertex of '{target.name}' is selected.")
     if target.landmarks is not None:
         _check_landmarks(source, target, target.landmarks)
-    return pair_bones(source, target)
+    return map_characters(source, target)
 
 
-def retarget(source: Source, target: Target, settings: RetargetSettings, progress: Progress) -> TargetWeights:
-    """Retarget the weights of `source` to `target`.
+def find_weights(source: Source, target: Target, settings: RetargetSettings, progress: Progress) -> FoundWeights:
+    """Match the surfaces and find weights for every vertex of `target`.
 
     Raises InputError when the characters cannot be matched, and `dermis_native.Cancelled` soon
     after `progress.cancel()`.
     """
     check_source(source)
-    pairs = check_target(source, target)
+    mapping = check_target(source, target)
     try:
         found = retarget_weights(
             _native_mesh(source.name, source.surface),
-            _source_weights(source, pairs),
+            _source_weights(source),
             _native_mesh(target.name, target.surface),
-            source_skeleton=_native_skeleton(source.bones.subset(pairs.source)),
-            target_skeleton=_native_skeleton(target.bones.subset(pairs.target)),
+            source_skeleton=native_skeleton(source.bones),
+            target_skeleton=native_skeleton(target.bones),
+            bone_map=mapping.native,
             landmarks=target.landmarks,
             method=settings.method,
-            max_influences=settings.max_influences,
             eigenpairs=settings.eigenpairs,
             progress=progress,
         )
@@ -103,36 +142,79 @@ def retarget(source: Source, target: Target, settings: RetargetSettings, progres
         raise
     except (DermisError, ValueError) as error:
         raise InputError(f"'{target.name}' cannot be given the weights of '{source.name}': {_plain(error)}.") from error
-    return _merged(target, pairs, found, settings)
-
-
-def _merged(target: Target, pairs: BonePairs, found: RetargetResult, settings: RetargetSettings) -> TargetWeights:
-    vertex, column, value = found.weights.to_triplets()
-    bone = np.asarray(pairs.target, np.int32)[column.astype(np.intp)]
-    new = BoneWeights(vertex.astype(np.int32), bone, value)
+    vertex, bone, value = found.weights.to_triplets()
+    new = BoneWeights(vertex.astype(np.int32), bone.astype(np.int32), value)
     check_totals(target.name, new, len(target.surface.vertices))
-    weights, replaced = merge_weights(new, target, max_influences=settings.max_influences, replace=settings.replace)
-    matched = int(np.count_nonzero(found.matched[replaced]))
-    influences = np.bincount(weights.vertex, minlength=1)
-    return TargetWeights(
-        weights=weights,
-        replaced=replaced,
-        groups=pairs.target,
-        only_in_target=pairs.only_in_target,
-        matched=matched,
-        filled=len(replaced) - matched,
+    return FoundWeights(
+        mapping=mapping,
+        weights=new,
+        copied=_copied(source, target, found.correspondence),
+        status=np.where(found.matched, MATCHED, FILLED).astype(np.uint8),
         landmarks=len(found.landmarks),
-        influences=int(influences.max()),
     )
 
 
-def _source_weights(source: Source, pairs: BonePairs) -> SkinWeights:
-    """The source's weights, columns in the order of the pairs, rows scaled to a total of 1."""
-    column = np.full(len(source.bones), -1, np.int32)
-    column[list(pairs.source)] = np.arange(len(pairs.source), dtype=np.int32)
-    kept = source.weights.where(column[source.weights.bone] >= 0)
+def two_halves(target: Target, plain: FoundWeights, mirrored: FoundWeights, mirror: Mirror) -> FoundWeights:
+    """Both halves of the target from one side of the source: `plain` on that side, `mirrored` on the other."""
+    share = left_shares(target) if mirror == "left" else 1.0 - left_shares(target)
+    own = share >= 0.5
+    return replace(
+        plain,
+        weights=blended(plain.weights, mirrored.weights, share),
+        copied=blended(plain.copied, mirrored.copied, own.astype(np.float64)),
+        status=np.where(own, plain.status, mirrored.status).astype(np.uint8),
+    )
+
+
+def fit_weights(target: Target, found: FoundWeights, settings: RetargetSettings, seams: int = 0) -> TargetWeights:
+    """What of the found weights is written, beside what stays."""
+    if settings.keep_unmapped:
+        unmapped = np.ones(len(target.bones), np.bool_)
+        unmapped[list(found.mapping.mapped)] = False
+        target = replace(target, locked=target.locked | unmapped)
+    merged = merge_weights(found.weights, target, settings.merge)
+    status = found.status[merged.replaced]
+    stays = target.existing.where(~merged.written[target.existing.bone])
+    at = np.zeros(len(target.surface.vertices), np.bool_)
+    at[merged.replaced] = True
+    copied = blended(found.copied, target.copied_existing, np.full(len(at), settings.merge.mix))
+    everything = np.concatenate([merged.weights.vertex, stays.vertex[at[stays.vertex] & (stays.value > 0)]])
+    return TargetWeights(
+        weights=merged.weights,
+        replaced=merged.replaced,
+        written=merged.written,
+        groups=tuple(bone for bone in found.mapping.mapped if target.chosen[bone] and not target.locked[bone]),
+        copied=copied.where(at[copied.vertex]),
+        mapping=found.mapping,
+        status=np.where(at, found.status, KEPT).astype(np.uint8),
+        matched=int(np.count_nonzero(status == MATCHED)),
+        filled=int(np.count_nonzero(status == FILLED)),
+        landmarks=found.landmarks,
+        influences=int(np.bincount(everything, minlength=1).max()),
+        limited=merged.limited,
+        seams=seams,
+    )
+
+
+def _copied(source: Source, target: Target, correspondence: npt.NDArray[np.int64]) -> BoneWeights:
+    """Weights of the source's groups without a bone at the source vertices that were matched, none where none was."""
+    if not target.copied_groups:
+        return BoneWeights.none()
+    dense = np.zeros((len(source.surface.vertices), len(target.copied_groups)), np.float32)
+    column = {name: i for i, name in enumerate(target.copied_groups)}
+    place = np.array([column.get(name, -1) for name in source.boneless_groups], np.int32)[source.boneless.bone]
+    kept = place >= 0
+    dense[source.boneless.vertex[kept], place[kept]] = source.boneless.value[kept]
+    values = np.where(correspondence[:, None] >= 0, dense[correspondence], np.float32(0.0))
+    vertex, group = np.nonzero(values)
+    return BoneWeights(vertex.astype(np.int32), group.astype(np.int32), values[vertex, group])
+
+
+def _source_weights(source: Source) -> SkinWeights:
+    """The source's weights, rows scaled to a total of 1."""
+    weights = source.weights
     return SkinWeights.from_triplets(
-        kept.vertex, column[kept.bone], kept.value, len(source.surface.vertices), len(pairs.source)
+        weights.vertex, weights.bone, weights.value, len(source.surface.vertices), len(source.bones)
     ).normalized()
 
 
@@ -146,10 +228,6 @@ def _native_mesh(name: str, surface: Surface) -> TriangleMesh:
 def _plain(error: Exception) -> str:
     """The error's message as the end of a sentence."""
     return str(error).strip().rstrip(".")
-
-
-def _native_skeleton(bones: Bones) -> Skeleton:
-    return Skeleton(bones.heads, bones.tails, bones.parents, list(bones.names))
 
 
 def _check_landmarks(source: Source, target: Target, landmarks: npt.NDArray[np.int64]) -> None:

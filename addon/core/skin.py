@@ -17,12 +17,10 @@ from dermis_native import (
     TriangleMesh,
     dual_quaternion_skinning,
     linear_blend_skinning,
-    rest_space_offsets,
 )
 
 from .character import Floats, Weights
 from .errors import InputError
-from .rest_space import shared_rest_space_offsets
 from .skin_input import SkinInput
 
 # Skins that no object shows at the moment and that are kept for undo and for changes of mind.
@@ -51,6 +49,7 @@ class Skin:
         self._skinning = source.skinning
         surface = source.surface
         self._rest = surface.vertices.astype(np.float32)
+        self._bone_rest = source.bone_rest
         try:
             mesh = TriangleMesh.from_polygons(surface.vertices, surface.loop_counts, surface.loop_indices)
             bones = source.bones
@@ -64,6 +63,7 @@ class Skin:
                 self._weights,
                 skinning=source.skinning,
                 stiffness_shares=source.stiffness_shares,
+                rest=source.bone_rest,
                 **source.settings.native_arguments(),
             )
         except (DermisError, ValueError) as error:
@@ -86,7 +86,7 @@ class Skin:
         places = self._rest if vertices is None else vertices
         if self._skinning == "linear":
             return linear_blend_skinning(places, self._weights, transforms)
-        return dual_quaternion_skinning(places, self._weights, transforms)
+        return dual_quaternion_skinning(places, self._weights, transforms, rest=self._bone_rest)
 
     def correction(
         self, transforms: Floats, vertices: Floats | None = None, shares: npt.NDArray[np.float32] | None = None
@@ -96,30 +96,11 @@ class Skin:
         transforms (B,4,4) are pose · rest⁻¹ of the input's bones; vertices (V,3) stand in for the
         rest positions where other shape keys act; shares (V,) are the modifier's vertex-group mask.
         """
-        offset = self.solved(transforms, vertices) - self.plain(transforms, vertices)
-        if shares is not None:
-            offset *= shares[:, None]
-        if not offset.any():
-            return Correction(np.zeros_like(offset), 0, self._solver.stats)
-        if shares is None:
-            offsets, limited = rest_space_offsets(
-                offset, self._weights, transforms, preserve_volume=self._skinning == "dual_quaternion"
-            )
-        else:
-            matrices = self._matrices(transforms)
-            offsets, limited = shared_rest_space_offsets(offset, matrices, shares)
+        try:
+            offsets, limited = self._solver.solve_offsets(transforms, vertices, shares)
+        except (DermisError, ValueError) as error:
+            raise InputError(f"The pose cannot be solved: {_plain(error)}.") from error
         return Correction(offsets, limited, self._solver.stats)
-
-    def _matrices(self, transforms: Floats) -> Floats:
-        """What skinning does to a small offset at each vertex (V,3,3): its images of the axes."""
-        places = np.zeros((len(self._rest), 3))
-        origin = self.plain(transforms, places).astype(np.float64)
-        images = []
-        for axis in range(3):
-            places[:, axis] = 1.0
-            images.append(self.plain(transforms, places) - origin)
-            places[:, axis] = 0.0
-        return np.stack(images, axis=2)
 
 
 class SkinStore:

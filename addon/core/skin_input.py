@@ -21,7 +21,8 @@ class SkinInput:
     """A mesh, its bones and weights in solver space, and how to solve them.
 
     Columns of `weights` are `bones`, which may be segments of a bone; they need not total 1.
-    stiffness_shares (V,) lets the stiffness vary over the surface, None makes it even.
+    stiffness_shares (V,) lets the stiffness vary over the surface, None makes it even. bone_rest
+    (B,4,4) are the bones' rest matrices, which dual quaternions need where bones are scaled.
     """
 
     name: str
@@ -32,6 +33,7 @@ class SkinInput:
     skinning: Skinning
     settings: SkinSettings
     stiffness_shares: Weights | None = None
+    bone_rest: Floats | None = None
 
     def check(self) -> None:
         """Raise InputError when no skin can be made of it."""
@@ -73,8 +75,9 @@ class SkinInput:
 
 def check_finite_pose(name: str, bones: Bones, transforms: Floats) -> None:
     """Raise InputError naming the bones whose transforms (B,4,4) are not finite."""
-    bad = np.flatnonzero(~np.isfinite(transforms).all(axis=(1, 2)))
-    if len(bad):
-        names = [bones.names[i] for i in bad]
-        verb = counted(len(names), "bone has", "bones have")
-        raise InputError(f"{verb} a pose in '{name}' that is not finite: {listed(names)}.")
+    finite = np.isfinite(transforms)
+    if finite.all():
+        return
+    names = [bones.names[i] for i in np.flatnonzero(~finite.all(axis=(1, 2)))]
+    verb = counted(len(names), "bone has", "bones have")
+    raise InputError(f"{verb} a pose in '{name}' that is not finite: {listed(names)}.")

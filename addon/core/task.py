@@ -1,48 +1,53 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Retargeting in a thread of its own, watched and cancelled from the thread that started it."""
+"""Retargeting in a thread of its own: one source, one or several targets."""
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Sequence
+from dataclasses import replace
 
 from dermis_native import Cancelled, Progress
 
+from .background import BackgroundTask
 from .character import Source, Target
-from .retarget import RetargetSettings, TargetWeights, check_source, check_target, retarget
+from .mirror import left_shares, mirrored_source
+from .retarget import (
+    FoundWeights,
+    RetargetSettings,
+    TargetWeights,
+    check_source,
+    check_target,
+    find_weights,
+    fit_weights,
+    two_halves,
+)
+from .seams import close_seams
 
 
-class RetargetTask:
+class RetargetTask(BackgroundTask[list[TargetWeights]]):
     """Retargets one source to several targets, one after the other.
 
     Bad input raises at once, in the constructor. The thread touches nothing but its arrays.
     """
 
     def __init__(self, source: Source, targets: Sequence[Target], settings: RetargetSettings) -> None:
+        super().__init__("dermis-retarget")
         check_source(source)
         for target in targets:
             check_target(source, target)
+            if settings.runs == 2:
+                left_shares(target)
         self._source = source
+        self._mirrored = source if settings.mirror == "none" else mirrored_source(source)
         self._targets = tuple(targets)
-        self._settings = settings
-        self._progress = [Progress() for _ in self._targets]
-        self._results: list[TargetWeights] = []
-        self._failure: BaseException | None = None
-        self._thread = threading.Thread(target=self._work, name="dermis-retarget", daemon=True)
-
-    def start(self) -> None:
-        """Begin; call once."""
-        self._thread.start()
+        self.settings = settings
+        self._progress = [Progress() for _ in self._targets for _ in range(settings.runs)]
+        self._current = 0
 
     def cancel(self) -> None:
         """Ask the thread to stop soon; `result` then raises `dermis_native.Cancelled`."""
         for progress in self._progress:
             progress.cancel()
-
-    def wait(self, seconds: float) -> bool:
-        """Wait at most so long; true when the thread has ended."""
-        self._thread.join(seconds)
-        return not self._thread.is_alive()
 
     @property
     def fraction(self) -> float:
@@ -52,23 +57,42 @@ class RetargetTask:
     @property
     def stage(self) -> str:
         """What is being done now."""
-        current = min(len(self._results), len(self._targets) - 1)
+        current = min(self._current, len(self._progress) - 1)
         stage = self._progress[current].stage
-        prefix = f"{self._targets[current].name}: " if len(self._targets) > 1 else ""
+        target = self._targets[current // self.settings.runs]
+        prefix = f"{target.name}: " if len(self._targets) > 1 else ""
         return prefix + stage
 
-    def result(self) -> list[TargetWeights]:
-        """One result for each target, after the thread has ended; raises what it raised."""
-        self._thread.join()
-        if self._failure is not None:
-            raise self._failure
-        return self._results
+    def work(self) -> list[TargetWeights]:
+        """One result for each target."""
+        return self._fitted([self._found(target) for target in self._targets])
 
-    def _work(self) -> None:
-        try:
-            for target, progress in zip(self._targets, self._progress, strict=True):
-                if progress.cancelled:
-                    raise Cancelled("cancelled")
-                self._results.append(retarget(self._source, target, self._settings, progress))
-        except BaseException as failure:  # noqa: BLE001  (result() raises it where it is awaited)
-            self._failure = failure
+    def _found(self, target: Target) -> FoundWeights:
+        """The weights of one target, from one run or, for two halves, from two."""
+        mirror = self.settings.mirror
+        first = self._mirrored if mirror == "flip" else self._source
+        plain = self._run(first, target)
+        if self.settings.runs == 1:
+            return plain
+        # The user's pairs hold for the source as it is, not for its mirror image.
+        mirrored = self._run(self._mirrored, replace(target, landmarks=None))
+        return two_halves(target, plain, mirrored, mirror)
+
+    def _run(self, source: Source, target: Target) -> FoundWeights:
+        progress = self._progress[self._current]
+        if progress.cancelled:
+            raise Cancelled("cancelled")
+        found = find_weights(source, target, self.settings, progress)
+        self._current += 1
+        return found
+
+    def _fitted(self, found: Sequence[FoundWeights]) -> list[TargetWeights]:
+        weights = [each.weights for each in found]
+        seams = [0] * len(found)
+        if self.settings.close_seams:
+            surfaces = [target.surface for target in self._targets]
+            weights, seams = close_seams(surfaces, weights, [target.bones.names for target in self._targets])
+        return [
+            fit_weights(target, replace(each, weights=own), self.settings, count)
+            for target, each, own, count in zip(self._targets, found, weights, seams, strict=True)
+        ]

@@ -3,6 +3,8 @@
 
 import bpy
 
+from .bind_weights import DERMIS_OT_bind_weights
+from .check_weights import DERMIS_OT_check
 from .retarget_weights import DERMIS_OT_retarget_weights
 
 
@@ -14,13 +16,32 @@ def draw_retarget(menu, _context):
     layout.operator(DERMIS_OT_retarget_weights.bl_idname)
 
 
+def draw_check(menu, _context):
+    """Entry of Weight Paint > Weights."""
+    layout = menu.layout
+    layout.operator_context = "INVOKE_DEFAULT"
+    layout.operator(DERMIS_OT_check.bl_idname)
+
+
+def draw_bind(menu, _context):
+    """Entry of Object > Parent, after Blender's own automatic weights."""
+    layout = menu.layout
+    layout.separator()
+    layout.operator_context = "INVOKE_DEFAULT"
+    layout.operator(DERMIS_OT_bind_weights.bl_idname)
+
+
 def register() -> None:
     """Append the entries."""
     bpy.types.VIEW3D_MT_make_links.append(draw_retarget)
     bpy.types.VIEW3D_MT_paint_weight.append(draw_retarget)
+    bpy.types.VIEW3D_MT_paint_weight.append(draw_check)
+    bpy.types.VIEW3D_MT_object_parent.append(draw_bind)
 
 
 def unregister() -> None:
     """Remove the entries."""
+    bpy.types.VIEW3D_MT_object_parent.remove(draw_bind)
+    bpy.types.VIEW3D_MT_paint_weight.remove(draw_check)
     bpy.types.VIEW3D_MT_paint_weight.remove(draw_retarget)
     bpy.types.VIEW3D_MT_make_links.remove(draw_retarget)

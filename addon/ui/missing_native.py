@@ -3,6 +3,8 @@
 
 import bpy
 
+from .text import draw_text
+
 _lines: list[str] = []
 
 
@@ -18,7 +20,7 @@ class DERMIS_PT_missing_native(bpy.types.Panel):
         """Draw the lines."""
         column = self.layout.column(align=True)
         for number, line in enumerate(_lines):
-            column.label(text=line, icon="NONE" if number else "ERROR")
+            draw_text(column, line, context, "NONE" if number else "ERROR")
 
 
 def register(lines: list[str]) -> None:

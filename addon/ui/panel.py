@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panel in the sidebar of the 3D viewport."""
 
-import textwrap
-
 import bpy
 
 from ..blender.armature import find_armature
+from ..blender.match_display import kept_status
 from ..core.errors import counted
+from ..core.retarget import FILLED
 from .landmark_add import DERMIS_OT_landmark_add
 from .landmark_clear import DERMIS_OT_landmark_clear
 from .landmark_remove import DERMIS_OT_landmark_remove
 from .landmark_show import DERMIS_OT_landmark_show
 from .retarget_weights import DERMIS_OT_retarget_weights
 from .selection import single_target, source_of, targets_of
+from .text import draw_text
 
 
 class DERMIS_UL_landmarks(bpy.types.UIList):
@@ -57,6 +58,12 @@ class DERMIS_PT_retarget(SidebarPanel, bpy.types.Panel):
         target = single_target(context)
         if target is not None and target.dermis_retarget.result:
             draw_text(layout.column(align=True), target.dermis_retarget.result, context)
+            status = kept_status(target)
+            if status is not None and (status == FILLED).any():
+                button = layout.operator(
+                    "dermis.select_problems", text="Select Filled Vertices", icon="RESTRICT_SELECT_OFF"
+                )
+                button.category = "FILLED"
 
 
 class DERMIS_PT_landmarks(SidebarPanel, bpy.types.Panel):
@@ -101,14 +108,6 @@ def _draw_character(layout, title, ob, hint):
         _labelled(layout, "", "No armature", "ERROR")
     else:
         _labelled(layout, "", "Armature of the source", "OUTLINER_OB_ARMATURE")
-
-
-def draw_text(layout, text, context, icon="NONE"):
-    """Text over as many lines as the sidebar's width needs; Blender has no scale without a window."""
-    width = context.region.width if context.region is not None else 300
-    characters = max(20, int(width / (7 * (context.preferences.system.ui_scale or 1.0))))
-    for number, line in enumerate(textwrap.wrap(text, characters)):
-        layout.label(text=line, icon="NONE" if number else icon)
 
 
 def _labelled(layout, title, text, icon):

@@ -2,7 +2,7 @@
 """What Dermis keeps on objects."""
 
 import bpy
-from bpy.props import CollectionProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import CollectionProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
 
 
 class DermisLandmark(bpy.types.PropertyGroup):
@@ -10,6 +10,34 @@ class DermisLandmark(bpy.types.PropertyGroup):
 
     source_vertex: IntProperty(name="Source Vertex", description="Index of the vertex of the source", min=0)
     target_vertex: IntProperty(name="Target Vertex", description="Index of the vertex of the target", min=0)
+
+
+def _chosen_by_hand(pair, _context):
+    pair.how = "USER"
+
+
+class DermisBonePair(bpy.types.PropertyGroup):
+    """A bone of the source and a bone of the target that stands for it; a source bone may have several pairs."""
+
+    source: StringProperty(name="Source Bone", description="Bone of the source's armature")
+    target: StringProperty(
+        name="Target Bone",
+        description="Bone of the target's armature that gets the weight; empty to give it to the nearest mapped "
+        "ancestor of the source bone",
+        update=_chosen_by_hand,
+    )
+    how: EnumProperty(
+        name="Found",
+        description="How the pair was found",
+        items=(
+            ("NAME", "Name", "Both bones have one name"),
+            ("SCHEME", "Naming Scheme", "Both names mean one part of the body"),
+            ("STRUCTURE", "Structure", "By its place in the skeleton and in space"),
+            ("USER", "User", "Chosen by hand"),
+            ("NONE", "None", "There is no counterpart"),
+        ),
+        default="NONE",
+    )
 
 
 class DermisRetarget(bpy.types.PropertyGroup):
@@ -20,10 +48,22 @@ class DermisRetarget(bpy.types.PropertyGroup):
     landmark_source: PointerProperty(
         type=bpy.types.Object, name="Landmark Source", description="Source that the landmark pairs belong to"
     )
+    bone_map: CollectionProperty(
+        type=DermisBonePair, name="Bone List", description="Target bones that stand for each source bone"
+    )
+    active_bone_pair: IntProperty(name="Active Bone Pair", description="Pair of bones chosen in the list")
+    bone_map_source: PointerProperty(
+        type=bpy.types.Object, name="Bone List Source", description="Armature that the bone list belongs to"
+    )
     result: StringProperty(name="Result", description="What the last retargeting to this object did")
+    status: StringProperty(
+        name="Status",
+        description="How the last retargeting found the weights of each vertex, packed",
+        options={"HIDDEN"},
+    )
 
 
-CLASSES = (DermisLandmark, DermisRetarget)
+CLASSES = (DermisLandmark, DermisBonePair, DermisRetarget)
 
 
 def register() -> None:

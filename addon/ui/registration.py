@@ -5,8 +5,15 @@ from contextlib import ExitStack
 
 import bpy
 
-from ..blender import skin_handlers
-from . import menus, panel, properties, skin_panel, skin_properties
+from ..blender import check_reports, skin_handlers
+from . import bind_panel, bone_map_panel, check_panel, menus, panel, properties, skin_panel, skin_properties
+from .bind_weights import DERMIS_OT_bind_weights
+from .bone_map_add import DERMIS_OT_bone_map_add
+from .bone_map_clear import DERMIS_OT_bone_map_clear
+from .bone_map_fill import DERMIS_OT_map_bones
+from .bone_map_remove import DERMIS_OT_bone_map_remove
+from .check_select import DERMIS_OT_select_problems
+from .check_weights import DERMIS_OT_check
 from .landmark_add import DERMIS_OT_landmark_add
 from .landmark_clear import DERMIS_OT_landmark_clear
 from .landmark_remove import DERMIS_OT_landmark_remove
@@ -17,6 +24,13 @@ from .skin_enable import DERMIS_OT_skin_enable
 
 CLASSES = (
     DERMIS_OT_retarget_weights,
+    DERMIS_OT_bind_weights,
+    DERMIS_OT_check,
+    DERMIS_OT_select_problems,
+    DERMIS_OT_map_bones,
+    DERMIS_OT_bone_map_add,
+    DERMIS_OT_bone_map_remove,
+    DERMIS_OT_bone_map_clear,
     DERMIS_OT_landmark_add,
     DERMIS_OT_landmark_remove,
     DERMIS_OT_landmark_show,
@@ -24,6 +38,9 @@ CLASSES = (
     DERMIS_OT_skin_enable,
     DERMIS_OT_skin_disable,
     *panel.CLASSES,
+    *bone_map_panel.CLASSES,
+    *bind_panel.CLASSES,
+    *check_panel.CLASSES,
     *skin_panel.CLASSES,
 )
 
@@ -40,6 +57,7 @@ def register() -> None:
         for cls in CLASSES:
             bpy.utils.register_class(cls)
             undo.callback(bpy.utils.unregister_class, cls)
+        undo.callback(check_reports.forget_reports)
         menus.register()
         undo.callback(menus.unregister)
         skin_handlers.register()

@@ -3,6 +3,8 @@
 
 import bpy
 
+from ..blender.armature import find_armature
+from ..core.character import BonePair
 from ..core.errors import InputError
 
 
@@ -28,6 +30,15 @@ def missing_selection(context: bpy.types.Context) -> str:
     return ""
 
 
+def checked_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """The active mesh and the other selected ones, those in Edit Mode included."""
+    active = source_of(context)
+    chosen = {ob.name: ob for ob in targets_of(context)}
+    if active is not None:
+        chosen[active.name] = active
+    return [chosen[name] for name in sorted(chosen)]
+
+
 def single_target(context: bpy.types.Context) -> bpy.types.Object | None:
     """The target, if there is exactly one."""
     targets = targets_of(context)
@@ -40,6 +51,19 @@ def landmark_pairs(source: bpy.types.Object, target: bpy.types.Object) -> list[t
     if kept.landmarks:
         check_landmark_source(source, target)
     return [(pair.source_vertex, pair.target_vertex) for pair in kept.landmarks]
+
+
+def bone_pairs(source: bpy.types.Object, target: bpy.types.Object) -> tuple[BonePair, ...] | None:
+    """The target's bone list: source bone, target bone or nothing; None when it has none."""
+    kept = target.dermis_retarget
+    if not kept.bone_map:
+        return None
+    armature = find_armature(source)
+    if armature is None or kept.bone_map_source != armature:
+        owner = "an armature that was removed" if kept.bone_map_source is None else f"'{kept.bone_map_source.name}'"
+        other = "no armature" if armature is None else f"'{armature.name}'"
+        raise InputError(f"The bone list of '{target.name}' belongs to {owner}, not to {other}: map the bones again.")
+    return tuple(BonePair(pair.source, pair.target, pair.how.lower()) for pair in kept.bone_map)
 
 
 def check_landmark_source(source: bpy.types.Object, target: bpy.types.Object) -> None:

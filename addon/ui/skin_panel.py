@@ -4,12 +4,13 @@
 import bpy
 
 from ..blender.skin_key import find_key
-from ..blender.skin_reading import skin_line
+from ..blender.skin_reading import skin_lines
 from ..blender.skin_state import registry
-from .panel import SidebarPanel, draw_text
+from .panel import SidebarPanel
 from .skin_disable import DERMIS_OT_skin_disable
 from .skin_enable import DERMIS_OT_skin_enable
 from .skin_selection import chosen_meshes
+from .text import draw_text
 
 
 def skin_of(context: bpy.types.Context) -> bpy.types.Object | None:
@@ -41,7 +42,7 @@ class DERMIS_PT_skin(SidebarPanel, bpy.types.Panel):
         if enabled:
             row.operator(DERMIS_OT_skin_disable.bl_idname, text="", icon="X")
         for ob in enabled:
-            _draw_skin(layout.column(align=True), ob, context)
+            _draw_skin(layout.column(align=True), ob, "Influence" if len(meshes) == 1 else ob.name, context)
         render = context.scene.render
         if enabled and not render.use_lock_interface:
             # A render started from a window evaluates frames on another thread.
@@ -69,8 +70,8 @@ class DERMIS_PT_skin_settings(SidebarPanel, bpy.types.Panel):
         kept = ob.dermis_skin
         layout.prop(kept, "preset")
         column = layout.column(align=True)
-        column.prop(kept, "cell_size")
         column.prop(kept, "iterations")
+        column.prop(kept, "cell_size", text="Cell Size" if kept.cell_size else "Cell Size (Auto)")
         column.prop(kept, "start")
         column = layout.column(align=True)
         for name in ("stretch", "volume", "bind", "energy"):
@@ -84,19 +85,20 @@ class DERMIS_PT_skin_settings(SidebarPanel, bpy.types.Panel):
         layout.prop_search(kept, "mask_group", ob, "vertex_groups")
 
 
-def _draw_skin(layout, ob, context):
+def _draw_skin(layout, ob, title, context):
     key = find_key(ob)
     if key is None:
-        layout.label(text=ob.name, icon="OUTLINER_OB_MESH")
+        layout.label(text=title, icon="OUTLINER_OB_MESH")
     else:
-        layout.prop(key, "value", text=ob.name, slider=True)
+        layout.prop(key, "value", text=title, slider=True)
     state = registry.find(ob)
     if state is None:
         return
     if state.error:
         draw_text(layout, state.error, context, icon="ERROR")
     elif state.stats:
-        draw_text(layout, skin_line(state.stats, state.limited, state.milliseconds), context)
+        for line in skin_lines(state.stats, state.limited, state.milliseconds):
+            draw_text(layout, line, context)
     if state.notice:
         draw_text(layout, state.notice, context, icon="INFO")
 

@@ -17,6 +17,7 @@ _Integers = npt.NDArray[np.integer[Any]]
 
 __all__ = [
     "BiharmonicDistance",
+    "BoneMap",
     "Cancelled",
     "DermisError",
     "NumericalError",
@@ -29,10 +30,12 @@ __all__ = [
     "TetMesh",
     "TriangleMesh",
     "__version__",
+    "bind_weights",
     "dual_quaternion_skinning",
     "eigenpairs",
     "laplacian",
     "linear_blend_skinning",
+    "map_bones",
     "pbd_preset",
     "rest_space_offsets",
     "retarget_weights",
@@ -113,6 +116,43 @@ class Skeleton:
     def __len__(self) -> int: ...
 
 @final
+class BoneMap:
+    """For each bone of a source skeleton the bones of a target skeleton that stand for it.
+
+    No target bone: the weight goes to the nearest mapped ancestor, or, without one, to the nearest
+    mapped descendant. One: it takes the weight; several source bones may name it. Several: a chain,
+    top first, over which the weight is split by position along it.
+    """
+
+    def __new__(cls, source_skeleton: Skeleton, target_skeleton: Skeleton, targets: Sequence[Sequence[int]]) -> Self:
+        """Your own map: for each source bone its target bones. Raises ValueError naming the first bad bone."""
+    @property
+    def targets(self) -> list[list[int]]:
+        """Target bones of each source bone."""
+    @property
+    def how(self) -> list[str]:
+        """How each source bone's targets were found: "name", "scheme", "structure", "user" or "none"."""
+    @property
+    def carriers(self) -> list[int]:
+        """Source bone whose targets take each source bone's weight: itself, or the one that gathers it."""
+    def aligned_skeleton(self, source_skeleton: Skeleton, target_skeleton: Skeleton) -> Skeleton:
+        """The source skeleton, numbered and named as it is, at the target's rest positions."""
+    def transfer(self, weights: SkinWeights, vertices: _Floats, target_skeleton: Skeleton) -> SkinWeights:
+        """Weights over target bones from `weights` over source bones of the target's vertices (V,3).
+
+        Sums of rows stay.
+        """
+    def __len__(self) -> int: ...
+
+def map_bones(source_skeleton: Skeleton, target_skeleton: Skeleton) -> BoneMap:
+    """Map bones by equal names, by the common naming schemes, then by structure and position.
+
+    Known are Rigify, Mixamo, Unreal, MakeHuman, VRM, 3ds Max Biped and Daz names. Chains of different
+    length are matched by arc length; left never goes to right. Raises RetargetError when no bone has
+    a counterpart.
+    """
+
+@final
 class SkinWeights:
     """Sparse weights, one row per vertex, one column per bone."""
 
@@ -180,6 +220,13 @@ class RetargetResult:
     def matched(self) -> npt.NDArray[np.bool_]:
         """True where a vertex was matched by the surface, False where it was filled in (Vt,)."""
     @property
+    def status(self) -> npt.NDArray[np.uint8]:
+        """Where each vertex has its weights from (Vt,): 0 its match on the source, 1 inpainted from
+        its neighbours, 2 the treatment of its loose part (rigid, or after the surface below), 3 the
+        closest point of the source, although no match near it passed the tests. `matched` is
+        `status == 0`.
+        """
+    @property
     def landmarks(self) -> npt.NDArray[np.int64]:
         """Landmark pairs used (k,2): source vertex, target vertex."""
 
@@ -190,18 +237,48 @@ def retarget_weights(
     *,
     source_skeleton: Skeleton | None = None,
     target_skeleton: Skeleton | None = None,
+    bone_map: BoneMap | None = None,
     landmarks: _Integers | None = None,
     method: Literal["auto", "paper"] = "auto",
     max_influences: int | None = None,
     eigenpairs: int = 100,
     progress: Progress | None = None,
 ) -> RetargetResult:
-    """Give `target` the weights of `source` (Algorithm 2).
+    """Give `target` the weights of `source`.
 
-    landmarks (k,2) pairs a source vertex with a target vertex; without them both skeletons are
-    needed and landmarks are chosen on them: head, hands and knees of a biped, otherwise the end of
-    every chain. With both skeletons, bones are paired by name (by order where names are missing),
-    and matches are searched in the same region only (figure 3).
+    "auto" warps the source onto the target's skeleton and rest pose, refines the joints against the
+    surfaces, deforms the surface onto the target's, matches by closest points, and inpaints where no
+    match passes its tests. It needs both skeletons; without them "paper" is used.
+
+    "paper" is Algorithm 2: distances to landmarks. Without landmarks both skeletons are needed and
+    landmarks are chosen on them: head, hands and knees of a biped, otherwise the end of every chain.
+    With both skeletons matches are searched in the same region only (figure 3).
+
+    landmarks (k,2) pairs a source vertex with a target vertex; "auto" adds its own to them, "paper"
+    uses them instead of its own. With both skeletons, bones are paired by `map_bones` unless
+    `bone_map` is given.
+    """
+
+def bind_weights(
+    mesh: TriangleMesh,
+    skeleton: Skeleton,
+    *,
+    method: Literal["volumetric", "paper"] = "volumetric",
+    max_influences: int | None = None,
+    bones: npt.NDArray[np.bool_] | _Integers | Sequence[int] | Sequence[bool] | None = None,
+    progress: Progress | None = None,
+) -> SkinWeights:
+    """Weights for a mesh that has none, from its skeleton alone.
+
+    "volumetric": through the body, after the idea of geodesic voxel binding (Dionne & de Lasa 2013).
+    A vertex belongs to the bone that is near through the body and that a random walk from it meets
+    first; a diffusion over the surface makes the falloff. Works on any mesh with a triangle: open,
+    in pieces, self-intersecting, flat, with bones outside; what no bone reaches follows the nearest
+    surface. "paper": by the distance through the air to the three nearest bones in a joint area, to
+    the two nearest elsewhere (eq. 2, section 4.1); a vertex on a bone belongs to it alone.
+
+    bones chooses those that take part, as a mask (B,) or as indices; None takes all. max_influences
+    limits the bones of a vertex; weights fade out before they are cut off. Rows sum to 1.
     """
 
 def linear_blend_skinning(vertices: _Floats, weights: SkinWeights, transforms: _Floats) -> npt.NDArray[np.float32]:
@@ -221,13 +298,19 @@ def dual_quaternion_skinning(
     """
 
 def rest_space_offsets(
-    offsets: _Floats, weights: SkinWeights, transforms: _Floats, *, preserve_volume: bool = False
+    offsets: _Floats,
+    weights: SkinWeights,
+    transforms: _Floats,
+    *,
+    preserve_volume: bool = False,
+    shares: _Floats | None = None,
 ) -> tuple[npt.NDArray[np.float32], int]:
     """Offsets (V,3) of the skinned surface taken back to rest by the inverse of what skinning does at
     each vertex: what a shape key has to hold under a live Armature modifier.
 
-    Returns the offsets (V,3) float32 and the number of vertices whose blended matrix is nearly
-    singular; their offsets are limited.
+    shares (V,), 0 to 1, say how much of the skinning each vertex follows. Returns the offsets (V,3)
+    float32 and the number of vertices whose blended matrix is nearly singular; their offsets are
+    limited.
     """
 
 @final
@@ -254,7 +337,8 @@ class PbdSkin:
     same bits, whatever was solved before and on any number of threads. Every setting that is None
     comes from `preset`: "default", "paper" (Algorithm 1 as printed) or "rumman_fratarcangeli".
     Constraint strengths (`stretch`, `volume`, `bind`, `energy`) go from 0 (off) to 1.
-    `stiffness_shares` (V,), 0 to 1, lets the stiffness vary over the surface.
+    `stiffness_shares` (V,), 0 to 1, lets the stiffness vary over the surface. `rest` (B,4,4) are the
+    bones' rest matrices for `skinning="dual_quaternion"`, as in `dual_quaternion_skinning`.
     """
 
     def __new__(
@@ -280,10 +364,21 @@ class PbdSkin:
         cell_size: float | None = None,
         threads: int | None = None,
         stiffness_shares: _Floats | None = None,
+        rest: _Floats | None = None,
     ) -> Self: ...
     def solve(self, transforms: _Floats, vertices: _Floats | None = None) -> npt.NDArray[np.float32]:
         """Vertices (V,3) float32 of a pose: transforms (B,4,4) = pose · rest⁻¹. vertices (V,3) replace
         the rest positions, for shape keys that act before the armature.
+        """
+    def solve_offsets(
+        self, transforms: _Floats, vertices: _Floats | None = None, shares: _Floats | None = None
+    ) -> tuple[npt.NDArray[np.float32], int]:
+        """A pose like `solve`, as offsets (V,3) float32 that plain skinning turns into the solved skin:
+        what a shape key has to hold under a live Armature modifier.
+
+        shares (V,), 0 to 1, say how much of the skinning, and of the correction, each vertex
+        follows. Also returns the number of vertices whose blended matrix is nearly singular; their
+        offsets are limited.
         """
     @property
     def cage(self) -> TetMesh:

@@ -1,6 +1,8 @@
 """Poses of a skeleton and what they do to a surface: volume, crossing triangles, stretched edges."""
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -125,15 +127,32 @@ def _band(outer, inner, flip):
 
 def joint_volume(rest, deformed, triangles, half_width=1.3):
     """Volume of the part of a cylinder within |x| < half_width at rest, its ends closed by fans."""
-    part = triangles[(np.abs(rest[triangles, 0]) < half_width + 1e-9).all(axis=1)]
-    directed = part[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    return part_volume(deformed, triangles[(np.abs(rest[triangles, 0]) < half_width + 1e-9).all(axis=1)])
+
+
+def part_volume(vertices, part):
+    """Volume inside a part of a closed surface, its openings closed by fans around their middles."""
+    directed = part[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(int)
     keys = set(map(tuple, directed.tolist()))
     open_sides = np.array([side for side in keys if side[::-1] not in keys])
-    total = volume(deformed, part)
-    for end in (-1, 1):
-        sides = open_sides[np.sign(rest[open_sides[:, 0], 0]) == end]
-        centre = deformed[np.unique(sides)].mean(axis=0)
-        points = np.concatenate([deformed, [centre]])
-        fan = np.stack([sides[:, 1], sides[:, 0], np.full(len(sides), len(deformed))], axis=1)
-        total += volume(points, fan)
+    corners, indices = np.unique(open_sides, return_inverse=True)
+    indices = indices.reshape(-1, 2)
+    graph = coo_array((np.ones(len(indices)), indices.T), shape=(len(corners), len(corners)))
+    openings, of_corner = connected_components(graph, directed=False)
+    total = volume(vertices, part)
+    for opening in range(openings):
+        sides = open_sides[of_corner[indices[:, 0]] == opening]
+        centre = vertices[np.unique(sides)].mean(axis=0)
+        fan = np.stack([sides[:, 1], sides[:, 0], np.full(len(sides), len(vertices))], axis=1)
+        total += volume(np.concatenate([vertices, [centre]]), fan)
     return total
+
+
+def limb_part(skeleton, weights, rest, triangles, bone, reach=1.5):
+    """Triangles of a limb around the joint at the head of a bone: within so many of its radii."""
+    joint = skeleton.names.index(bone)
+    parent = skeleton.parents[joint]
+    distance = np.linalg.norm(rest - skeleton.heads[joint], axis=1)
+    blends = (weights[:, joint] > 0.2) & (weights[:, parent] > 0.2)
+    near = (distance < reach * np.median(distance[blends])) & (weights[:, [joint, parent]].sum(axis=1) > 0.5)
+    return triangles[near[triangles].all(axis=1)]

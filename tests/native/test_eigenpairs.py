@@ -34,6 +34,14 @@ def test_real_body_against_the_dense_spectrum():
     assert np.abs(values / algorithm2.spectrum(mesh)[0][1:301] - 1).max() < 1e-9
 
 
+@pytest.mark.parametrize("scale", [1e-3, 0.1, 10.0, 1e3])
+def test_the_unit_does_not_matter(scale):
+    mesh, _, _ = adult(1200)
+    values, _ = eigenpairs(mesh, 100)
+    scaled, _ = eigenpairs(TriangleMesh(scale * mesh.vertices, mesh.triangles), 100)
+    assert np.abs(scale**2 * scaled / values - 1).max() < 1e-8
+
+
 def test_all_pairs_of_a_tiny_mesh():
     tetrahedron = TriangleMesh(
         np.concatenate([np.eye(3), np.zeros((1, 3))]), [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]]

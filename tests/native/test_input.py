@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from dermis_native import (
+    BoneMap,
     Cancelled,
     DermisError,
     NumericalError,
@@ -140,13 +141,28 @@ def test_retarget_names_what_is_missing():
 
 def test_retarget_names_bones_that_do_not_match():
     mesh, skeleton, weights = characters()
-    names = [name.replace("calf", "shin") for name in skeleton.names]
-    renamed = Skeleton(skeleton.heads, skeleton.tails, skeleton.parents, names)
-    with pytest.raises(RetargetError, match=r"2 weighted source bones.*calf_l, calf_r.*shin_l, shin_r"):
-        retarget_weights(mesh, weights, mesh, source_skeleton=skeleton, target_skeleton=renamed)
+    nothing = Skeleton(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, int))
+    with pytest.raises(RetargetError, match=r"source: \"Root\", \"pelvis\".* and 41 more; target: none"):
+        retarget_weights(mesh, weights, mesh, source_skeleton=skeleton, target_skeleton=nothing)
+
+
+def test_bone_maps_name_the_bone_at_fault():
+    mesh, skeleton, weights = characters()
+    count = len(skeleton)
+    own = [[bone] for bone in range(count)]
+    with pytest.raises(ValueError, match="1 entries, but the source has 53 bones"):
+        BoneMap(skeleton, skeleton, [[0]])
+    with pytest.raises(ValueError, match='source bone "pelvis" is mapped to target bone 53'):
+        BoneMap(skeleton, skeleton, [own[0], [53], *own[2:]])
+    hands = [skeleton.names.index("hand_l"), skeleton.names.index("hand_r")]
+    with pytest.raises(ValueError, match='"pelvis" is mapped to "hand_l" and "hand_r", which are not on one chain'):
+        BoneMap(skeleton, skeleton, [own[0], hands, *own[2:]])
+    bone_map = BoneMap(skeleton, skeleton, own)
+    with pytest.raises(ValueError, match="a bone map needs both skeletons"):
+        retarget_weights(mesh, weights, mesh, landmarks=[[0, 0], [1, 1]], bone_map=bone_map)
     fewer = Skeleton(skeleton.heads[:1], skeleton.tails[:1], [-1])
-    with pytest.raises(RetargetError, match="53 bones and the target 1"):
-        retarget_weights(mesh, weights, mesh, source_skeleton=skeleton, target_skeleton=fewer)
+    with pytest.raises(ValueError, match="belongs to 53 target bones, but there are 1"):
+        retarget_weights(mesh, weights, mesh, source_skeleton=skeleton, target_skeleton=fewer, bone_map=bone_map)
 
 
 def test_landmarks_on_another_piece_are_named():

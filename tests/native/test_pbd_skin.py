@@ -70,6 +70,34 @@ def test_presets_are_what_they_say():
         assert counts["rumman_fratarcangeli"][kind] == counts["paper"][kind]
 
 
+def test_other_shapes_touch_too():
+    """Vertices that a shape key has moved are kept apart; where it has not, nothing changes."""
+    mesh, skeleton, weights, solver = body()
+    rest, triangles = mesh.vertices.astype(np.float32), mesh.triangles
+    transforms = turned(skeleton, {"calf_l": [np.radians(120), 0, 0]})
+    unkeyed = solver.solve(transforms)
+    np.testing.assert_array_equal(solver.solve(transforms, rest), unkeyed)
+    corners = rest[triangles]
+    normals = np.zeros_like(rest)
+    for corner in range(3):
+        np.add.at(normals, triangles[:, corner], np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    distance = np.linalg.norm(rest - skeleton.heads[skeleton.names.index("calf_l")], axis=1)
+    keyed = (rest + 0.02 * normals * np.clip(1 - (distance / 0.2) ** 2, 0, 1)[:, None]).astype(np.float32)
+    still = np.tile(np.eye(4), (len(skeleton), 1, 1))
+    np.testing.assert_array_equal(solver.solve(still, keyed), keyed)
+    solved = solver.solve(transforms, keyed)
+    only_added = linear_blend_skinning(keyed, weights, transforms) + (
+        unkeyed - linear_blend_skinning(rest, weights, transforms)
+    )
+    far = distance > 0.5
+    np.testing.assert_allclose(solved[far], only_added[far], atol=1e-5)
+    around = triangles[(distance[triangles] < 0.3).all(axis=1)]
+    touching = crossing_pairs(keyed, around)
+    apart, through = (len(crossing_pairs(points, around) - touching) for points in (solved, only_added))
+    assert apart < through
+
+
 def test_stats_follow_the_pose():
     _, skeleton, _, solver = body()
     solver.solve(np.tile(np.eye(4), (len(skeleton), 1, 1)))

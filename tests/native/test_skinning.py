@@ -71,6 +71,37 @@ def test_scaled_bones_keep_their_scale(scene):
     np.testing.assert_allclose(skinned, blend(vertices, weights, scaled), atol=2e-5)
 
 
+def test_scaled_bones_blend_as_rigid_motions(scene):
+    """What the scale does to the vertex counts as translation of the bone, so rotations blend undisturbed."""
+    vertices, weights, transforms = scene
+    rest = np.tile(np.eye(4), (5, 1, 1))
+    scale = np.diag([1.5, 0.5, 2, 1])
+    skinned = dual_quaternion_skinning(vertices, SkinWeights.from_dense(weights), transforms @ scale, rest=rest)
+    for v in range(0, 200, 7):
+        rigid = transforms.copy()
+        rigid[:, :3, 3] += transforms[:, :3, :3] @ (scale[:3, :3] @ vertices[v] - vertices[v])
+        wanted = dual_blend(vertices[v : v + 1], weights[v : v + 1], rigid)[0]
+        np.testing.assert_allclose(skinned[v], wanted, atol=2e-5)
+
+
+def test_a_stretched_character_is_skinned_in_its_own_space(scene):
+    """Blender blends in the armature's space, whatever its object does to that."""
+    vertices, weights, transforms = scene
+    weights = SkinWeights.from_dense(weights)
+    rest = np.roll(transforms, 1, axis=0)
+    posed = transforms @ np.diag([1.3, 0.8, 1, 1])
+    wanted = dual_quaternion_skinning(vertices, weights, posed @ np.linalg.inv(rest), rest=rest)
+    world = np.array([[1, 0.2, 0, 0.5], [0.1, 2, 0.3, -1], [0, 0, -0.5, 2], [0, 0, 0, 1]])
+    placed = vertices @ world[:3, :3].T + world[:3, 3]
+    in_world = world @ posed @ np.linalg.inv(rest) @ np.linalg.inv(world)
+    skinned = dual_quaternion_skinning(placed, weights, in_world, rest=world @ rest)
+    np.testing.assert_allclose(skinned, wanted @ world[:3, :3].T + world[:3, 3], atol=5e-5)
+    still = np.tile(np.eye(4), (5, 1, 1))
+    np.testing.assert_array_equal(
+        dual_quaternion_skinning(placed, weights, still, rest=world @ rest), placed.astype(np.float32)
+    )
+
+
 @pytest.mark.parametrize("preserve_volume", [False, True])
 def test_rest_space_offsets_move_the_skinned_surface(scene, preserve_volume):
     vertices, weights, transforms = scene

@@ -76,6 +76,6 @@ fn shares_out_of_range_are_named() {
     for bad in [-0.1, 1.5, f32::NAN] {
         let mut shares = vec![0.5; count];
         shares[7] = bad;
-        assert!(matches!(error(&shares), PbdError::StiffnessShare { vertex: 7, .. }));
+        assert!(matches!(error(&shares), PbdError::Share { name: "stiffness_shares", vertex: 7, .. }));
     }
 }

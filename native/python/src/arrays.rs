@@ -90,3 +90,25 @@ pub(crate) fn matrix<T: numpy::Element>(
 ) -> PyResult<Bound<'_, PyArray2<T>>> {
     PyArray1::from_vec(py, flat).reshape([rows, columns])
 }
+
+/// A choice of bones, as a mask (B,) of booleans or as indices (n,), as a mask.
+pub(crate) fn chosen_bones(argument: &Bound<'_, PyAny>, bone_count: usize) -> PyResult<Vec<bool>> {
+    let numpy = argument.py().import(intern!(argument.py(), "numpy"))?;
+    let array = numpy.call_method1("asarray", (argument,))?;
+    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+    if kind == "b" {
+        let mask = convert(&array, "bones", "b", "bool", "booleans or indices")?;
+        let mask: PyReadonlyArrayDyn<'_, bool> = checked(mask.extract()?, "bones", &[Some(bone_count)])?;
+        return Ok(mask.as_slice()?.to_vec());
+    }
+    let mut mask = vec![false; bone_count];
+    if array.len()? > 0 {
+        for (at, bone) in indices(&array, "bones")?.into_iter().enumerate() {
+            let slot = usize::try_from(bone).ok().and_then(|bone| mask.get_mut(bone));
+            *slot.ok_or_else(|| {
+                PyValueError::new_err(format!("bones[{at}] is {bone}, but there are {bone_count} bones"))
+            })? = true;
+        }
+    }
+    Ok(mask)
+}

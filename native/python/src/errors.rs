@@ -54,13 +54,22 @@ pub(crate) fn retarget_error(error: dermis::retarget::RetargetError) -> PyErr {
     match error {
         Error::Cancelled(cancelled) => Cancelled::new_err(cancelled.to_string()),
         Error::Spectral { .. } => NumericalError::new_err(error.to_string()),
-        Error::LandmarkOutOfRange { .. } | Error::WeightCounts { .. } | Error::Mesh { .. } => {
-            value_error(error)
-        }
+        Error::BoneMap(error) => crate::bone_map::bone_map_error(error),
+        Error::LandmarkOutOfRange { .. }
+        | Error::WeightCounts { .. }
+        | Error::Mesh { .. }
+        | Error::MapWithoutSkeletons => value_error(error),
         Error::NoWeights
         | Error::BoneCounts { .. }
         | Error::UnmatchedBones { .. }
         | Error::LandmarkOnOtherComponent { .. }
         | Error::TooFewLandmarks { .. } => RetargetError::new_err(error.to_string()),
+    }
+}
+
+pub(crate) fn bind_error(error: dermis::rig::BindError) -> PyErr {
+    match error {
+        dermis::rig::BindError::Cancelled(cancelled) => Cancelled::new_err(cancelled.to_string()),
+        error => value_error(error),
     }
 }

@@ -5,7 +5,10 @@
 //! a subclass of `DermisError` (anything else). The contract is in `dermis_native.pyi`.
 
 mod arrays;
+mod bind;
+mod bone_map;
 mod cage;
+mod choices;
 mod errors;
 mod mesh;
 mod pbd;
@@ -20,6 +23,10 @@ mod weights;
 
 #[pyo3::pymodule]
 mod dermis_native {
+    #[pymodule_export]
+    use super::bind::bind_weights;
+    #[pymodule_export]
+    use super::bone_map::{PyBoneMap, map_bones};
     #[pymodule_export]
     use super::cage::{PyTetMesh, tetrahedralize};
     #[pymodule_export]

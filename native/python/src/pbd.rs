@@ -2,16 +2,17 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use dermis::pbd::{self, EnergyForm, PbdError, PbdSettings, Region, SkinningMethod, Start, Stats};
+use dermis::pbd::{self, PbdError, PbdSettings, Stats};
 use numpy::PyArray2;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::floats;
 use crate::cage::{PyTetMesh, cage_error};
+use crate::choices::{ENERGY_FORMS, METHODS, REGIONS, STARTS, choose};
 use crate::errors::{DermisError, value_error};
 use crate::mesh::PyTriangleMesh;
-use crate::poses::{positions, positions_array};
+use crate::poses::{numbers, positions, positions_array};
+use crate::presets::preset_settings;
 use crate::rig::PySkeleton;
 use crate::skinning::{Pose, pose};
 use crate::weights::PySkinWeights;
@@ -22,7 +23,8 @@ use crate::weights::PySkinWeights;
 /// same bits, whatever was solved before and on any number of threads. Every setting that is None
 /// comes from `preset`: "default", "paper" (Algorithm 1 as printed) or "rumman_fratarcangeli".
 /// Constraint strengths (`stretch`, `volume`, `bind`, `energy`) go from 0 (off) to 1.
-/// `stiffness_shares` (V,), 0 to 1, lets the stiffness vary over the surface.
+/// `stiffness_shares` (V,), 0 to 1, lets the stiffness vary over the surface. `rest` (B,4,4) are the
+/// bones' rest matrices for `skinning="dual_quaternion"`, as in `dual_quaternion_skinning`.
 #[pyclass(frozen, name = "PbdSkin", module = "dermis_native")]
 pub(crate) struct PyPbdSkin {
     skin: pbd::PbdSkin,
@@ -36,7 +38,7 @@ impl PyPbdSkin {
         mesh, skeleton, weights, *, preset="default", iterations=None, volume_sweeps=None, start=None,
         skinning="linear", stretch=None, volume=None, bind=None, energy=None, energy_form=None, stiffness=None,
         self_collision=None, smoothing=None, region=None, cell_size=None, threads=None,
-        stiffness_shares=None
+        stiffness_shares=None, rest=None
     ))]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -61,9 +63,9 @@ impl PyPbdSkin {
         cell_size: Option<f64>,
         threads: Option<usize>,
         stiffness_shares: Option<&Bound<'_, PyAny>>,
+        rest: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let of_preset = PbdSettings::preset(preset)
-            .ok_or_else(|| choice_error("preset", preset, &["default", "paper", "rumman_fratarcangeli"]))?;
+        let of_preset = preset_settings(preset)?;
         let settings = PbdSettings {
             iterations: iterations.unwrap_or(of_preset.iterations),
             volume_sweeps: volume_sweeps.unwrap_or(of_preset.volume_sweeps),
@@ -82,13 +84,15 @@ impl PyPbdSkin {
             threads: threads.or(of_preset.threads),
             ..of_preset
         };
-        let shares =
-            stiffness_shares.map(|shares| floats(shares, "stiffness_shares", &[None])).transpose()?;
-        let shares = shares
-            .map(|shares| PyResult::Ok(shares.as_slice()?.iter().map(|&s| s as f32).collect::<Vec<_>>()));
-        let shares = shares.transpose()?;
+        let shares = stiffness_shares.map(|shares| numbers(shares, "stiffness_shares")).transpose()?;
+        let rest = rest.map(|rest| crate::poses::transforms(rest, "rest")).transpose()?;
         let skin = py.detach(|| {
-            pbd::PbdSkin::with_stiffness(&mesh.0, &skeleton.0, &weights.0, &settings, shares.as_deref())
+            let shares = shares.as_deref();
+            let skin = pbd::PbdSkin::with_stiffness(&mesh.0, &skeleton.0, &weights.0, &settings, shares)?;
+            match rest {
+                Some(rest) => skin.with_bone_rest(rest),
+                None => Ok(skin),
+            }
         });
         let skin = skin.map_err(pbd_error)?;
         let last = Mutex::new(skin.build_stats());
@@ -106,8 +110,30 @@ impl PyPbdSkin {
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let vertices = vertices.map(|v| positions(v, "vertices")).transpose()?;
         let solved = py.detach(|| self.skin.solve(&transforms.0, vertices.as_deref())).map_err(pbd_error)?;
-        *self.last.lock().unwrap_or_else(PoisonError::into_inner) = solved.stats;
+        self.remember(solved.stats);
         positions_array(py, &solved.vertices)
+    }
+
+    /// A pose like `solve`, as offsets (V,3) float32 that plain skinning turns into the solved skin:
+    /// what a shape key has to hold under a live Armature modifier.
+    ///
+    /// shares (V,), 0 to 1, say how much of the skinning, and of the correction, each vertex follows.
+    /// Also returns the number of vertices whose blended matrix is nearly singular; their offsets are
+    /// limited.
+    #[pyo3(signature = (transforms, vertices=None, shares=None))]
+    fn solve_offsets<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = pose)] transforms: Pose,
+        vertices: Option<&Bound<'py, PyAny>>,
+        shares: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Bound<'py, PyArray2<f32>>, usize)> {
+        let vertices = vertices.map(|v| positions(v, "vertices")).transpose()?;
+        let shares = shares.map(|s| numbers(s, "shares")).transpose()?;
+        let solve = || self.skin.solve_offsets(&transforms.0, vertices.as_deref(), shares.as_deref());
+        let solved = py.detach(solve).map_err(pbd_error)?;
+        self.remember(solved.stats);
+        Ok((positions_array(py, &solved.offsets)?, solved.limited))
     }
 
     /// Tetrahedra of all islands, in rest.
@@ -165,27 +191,10 @@ impl PyPbdSkin {
     }
 }
 
-const STARTS: [(&str, Start); 3] =
-    [("auto", Start::Auto), ("linear", Start::Linear), ("dual_quaternion", Start::DualQuaternion)];
-const METHODS: [(&str, SkinningMethod); 2] =
-    [("linear", SkinningMethod::Linear), ("dual_quaternion", SkinningMethod::DualQuaternion)];
-const ENERGY_FORMS: [(&str, EnergyForm); 2] =
-    [("compliant", EnergyForm::Compliant), ("paper", EnergyForm::Paper)];
-const REGIONS: [(&str, Region); 2] = [("joints", Region::Joints), ("all", Region::All)];
-
-fn choose<T: Copy>(name: &str, given: Option<&str>, choices: &[(&str, T)]) -> PyResult<Option<T>> {
-    let Some(given) = given else { return Ok(None) };
-    match choices.iter().find(|(label, _)| *label == given) {
-        Some(&(_, value)) => Ok(Some(value)),
-        None => {
-            let labels: Vec<&str> = choices.iter().map(|choice| choice.0).collect();
-            Err(choice_error(name, given, &labels))
-        }
+impl PyPbdSkin {
+    fn remember(&self, stats: Stats) {
+        *self.last.lock().unwrap_or_else(PoisonError::into_inner) = stats;
     }
-}
-
-fn choice_error(name: &str, given: &str, labels: &[&str]) -> PyErr {
-    value_error(format!("{name} must be one of {}, got \"{given}\"", labels.join(", ")))
 }
 
 fn pbd_error(error: PbdError) -> PyErr {
@@ -194,7 +203,7 @@ fn pbd_error(error: PbdError) -> PyErr {
         PbdError::Threads { .. } => DermisError::new_err(error.to_string()),
         PbdError::Mismatch { .. }
         | PbdError::Setting { .. }
-        | PbdError::StiffnessShare { .. }
+        | PbdError::Share { .. }
         | PbdError::Skinning(_) => value_error(error),
     }
 }

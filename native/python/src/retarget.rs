@@ -1,10 +1,11 @@
 //! `retarget_weights` and its result.
 
-use dermis::retarget::{self, Character, Method, Retargeted, Settings};
+use dermis::retarget::{self, Character, Method, Origin, Retargeted, Settings};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
 use crate::arrays::{integers, matrix};
+use crate::bone_map::PyBoneMap;
 use crate::errors::{retarget_error, value_error};
 use crate::mesh::PyTriangleMesh;
 use crate::progress::{PyProgress, shared};
@@ -35,6 +36,19 @@ impl PyRetargetResult {
         PyArray1::from_vec(py, self.0.matched.clone())
     }
 
+    /// Where each vertex has its weights from (Vt,): 0 match, 1 inpainting, 2 its loose part, 3 the
+    /// closest point of the source, far from any match that passed its tests.
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
+        let code = |origin: &Origin| match origin {
+            Origin::Matched => 0,
+            Origin::Inpainted => 1,
+            Origin::Part => 2,
+            Origin::Nearest => 3,
+        };
+        PyArray1::from_vec(py, self.0.origin.iter().map(code).collect())
+    }
+
     /// Landmark pairs used (k,2): source vertex, target vertex.
     #[getter]
     fn landmarks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
@@ -46,8 +60,8 @@ impl PyRetargetResult {
 /// Give `target` the weights of `source` (Algorithm 2).
 #[pyfunction]
 #[pyo3(signature = (
-    source, source_weights, target, *, source_skeleton=None, target_skeleton=None, landmarks=None,
-    method="auto", max_influences=None, eigenpairs=100, progress=None
+    source, source_weights, target, *, source_skeleton=None, target_skeleton=None, bone_map=None,
+    landmarks=None, method="auto", max_influences=None, eigenpairs=100, progress=None
 ))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of a Python function")]
 pub(crate) fn retarget_weights(
@@ -57,6 +71,7 @@ pub(crate) fn retarget_weights(
     target: &PyTriangleMesh,
     source_skeleton: Option<&PySkeleton>,
     target_skeleton: Option<&PySkeleton>,
+    bone_map: Option<&PyBoneMap>,
     landmarks: Option<&Bound<'_, PyAny>>,
     method: &str,
     max_influences: Option<usize>,
@@ -79,6 +94,7 @@ pub(crate) fn retarget_weights(
             Character { mesh: &source.0, skeleton: source_skeleton.map(|s| &s.0) },
             &source_weights.0,
             Character { mesh: &target.0, skeleton: target_skeleton.map(|s| &s.0) },
+            bone_map.map(|map| &map.0),
             landmarks.as_deref(),
             &settings,
             &progress,

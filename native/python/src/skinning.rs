@@ -5,7 +5,7 @@ use numpy::PyArray2;
 use pyo3::prelude::*;
 
 use crate::errors::value_error;
-use crate::poses::{positions, positions_array, transforms};
+use crate::poses::{numbers, positions, positions_array, transforms};
 use crate::weights::PySkinWeights;
 
 /// Linear blend skinning (eq. 1) as Blender's Armature modifier computes it.
@@ -46,21 +46,26 @@ pub(crate) fn dual_quaternion_skinning<'py>(
 /// Offsets (V,3) of the skinned surface taken back to rest by the inverse of what skinning does at
 /// each vertex: what a shape key has to hold under a live Armature modifier.
 ///
-/// Returns the offsets (V,3) float32 and the number of vertices whose blended matrix is nearly
-/// singular; their offsets are limited.
+/// shares (V,), 0 to 1, say how much of the skinning each vertex follows. Returns the offsets (V,3)
+/// float32 and the number of vertices whose blended matrix is nearly singular; their offsets are
+/// limited.
 #[pyfunction]
-#[pyo3(signature = (offsets, weights, transforms, *, preserve_volume=false))]
+#[pyo3(signature = (offsets, weights, transforms, *, preserve_volume=false, shares=None))]
 pub(crate) fn rest_space_offsets<'py>(
     py: Python<'py>,
     offsets: &Bound<'py, PyAny>,
     weights: &PySkinWeights,
     #[pyo3(from_py_with = pose)] transforms: Pose,
     preserve_volume: bool,
+    shares: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(Bound<'py, PyArray2<f32>>, usize)> {
     let offsets = positions(offsets, "offsets")?;
+    let shares = shares.map(|shares| numbers(shares, "shares")).transpose()?;
+    let vertex_count = weights.0.vertex_count();
     for (element, expected, given) in [
-        ("offsets", weights.0.vertex_count(), offsets.len()),
+        ("offsets", vertex_count, offsets.len()),
         ("transforms", weights.0.bone_count(), transforms.0.len()),
+        ("shares", vertex_count, shares.as_ref().map_or(vertex_count, Vec::len)),
     ] {
         if expected != given {
             return Err(value_error(SkinningError::Count { element, expected, given }));
@@ -72,7 +77,7 @@ pub(crate) fn rest_space_offsets<'py>(
             true => Skinning::dual_quaternion(&transforms.0, None),
             false => Skinning::linear(&transforms.0),
         };
-        skinning::to_rest_space(&skinning, &weights.0, &offsets)
+        skinning::to_rest_space(&skinning, &weights.0, &offsets, shares.as_deref())
     });
     Ok((positions_array(py, &result.offsets)?, result.limited))
 }

@@ -84,7 +84,7 @@ fn solve(
 }
 
 /// Stiffness matrix of linear finite elements, each pair of vertices once.
-fn stiffness_triplets(cage: &TetMesh) -> Vec<(usize, usize, f64)> {
+pub(crate) fn stiffness_triplets(cage: &TetMesh) -> Vec<(usize, usize, f64)> {
     let mut triplets = Vec::with_capacity(10 * cage.tetrahedra().len());
     for (t, corners) in cage.tetrahedra().iter().enumerate() {
         let gradients = shape_gradients(cage.corners(t));

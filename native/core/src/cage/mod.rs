@@ -11,6 +11,7 @@ mod winding_number;
 
 pub use embedding::{Embedding, embed};
 pub use error::CageError;
+pub(crate) use harmonic::stiffness_triplets;
 pub use harmonic::{SurfaceWeights, extend_weights};
 pub use lattice::{BccLattice, LatticePoint};
 pub use tet_mesh::TetMesh;

@@ -22,12 +22,19 @@ pub(super) fn symmetric_eigen(size: usize, matrix: &[f64]) -> Result<(Vec<f64>, 
     if size == 0 {
         return Ok((Vec::new(), vectors));
     }
+    // The solver's tolerances are absolute: it is handed entries of about 1, exactly rescaled.
+    let largest = matrix.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    let exponent = if largest.is_finite() { libm::frexp(largest).1 } else { 0 };
+    let mut scaled = zeros(matrix.len())?;
+    for (scaled, &value) in scaled.iter_mut().zip(matrix) {
+        *scaled = libm::ldexp(value, -exponent);
+    }
     let scratch =
         self_adjoint_evd_scratch::<f64>(size, ComputeEigenvectors::Yes, Par::Seq, Default::default());
     let mut memory = allocate(scratch, "dense eigenproblem")?;
     let mut values = Diag::<f64>::zeros(size);
     self_adjoint_evd(
-        MatRef::from_column_major_slice(matrix, size, size),
+        MatRef::from_column_major_slice(&scaled, size, size),
         values.as_mut(),
         Some(MatMut::from_column_major_slice_mut(&mut vectors, size, size)),
         Par::Seq,
@@ -35,7 +42,7 @@ pub(super) fn symmetric_eigen(size: usize, matrix: &[f64]) -> Result<(Vec<f64>, 
         Default::default(),
     )
     .map_err(|_| LinalgError::NoConvergence { size })?;
-    let values = (0..size).map(|at| values[at]).collect();
+    let values = (0..size).map(|at| libm::ldexp(values[at], exponent)).collect();
     Ok((values, vectors))
 }
 

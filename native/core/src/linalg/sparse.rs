@@ -241,6 +241,31 @@ impl SymmetricMatrix {
         Ok(sum)
     }
 
+    /// `A + B` with the pattern of `A`, B given by `(row, column, value)` triplets as in
+    /// [`Self::from_triplets`] that all lie in that pattern.
+    ///
+    /// # Errors
+    /// [`LinalgError::PatternMismatch`], [`LinalgError::NonFinite`].
+    pub fn add_triplets(&self, triplets: &[(usize, usize, f64)]) -> Result<Self, LinalgError> {
+        let mut sum = self.clone();
+        for &(row, column, value) in triplets {
+            let mirrored = (row != column).then_some((column, row));
+            for (row, column) in [(row, column)].into_iter().chain(mirrored) {
+                if column >= self.size() {
+                    return Err(LinalgError::PatternMismatch);
+                }
+                let range = self.pattern.column_starts[column]..self.pattern.column_starts[column + 1];
+                let place = self.pattern.rows[range.clone()].binary_search(&row);
+                let entry = &mut sum.values[range.start + place.map_err(|_| LinalgError::PatternMismatch)?];
+                *entry += value;
+                if !entry.is_finite() {
+                    return Err(non_finite(row, column));
+                }
+            }
+        }
+        Ok(sum)
+    }
+
     /// `diag(d) A diag(d)`, with the pattern of `A`.
     ///
     /// # Errors

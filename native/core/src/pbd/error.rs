@@ -30,9 +30,11 @@ pub enum PbdError {
         /// What is allowed.
         range: &'static str,
     },
-    /// A vertex's share of the stiffness is out of range.
-    #[error("the stiffness share of vertex {vertex} is {share}; it must be from 0 to 1")]
-    StiffnessShare {
+    /// A vertex's share is out of range.
+    #[error("{name}[{vertex}] is {share}; it must be from 0 to 1")]
+    Share {
+        /// Name of the shares.
+        name: &'static str,
         /// Index of the vertex.
         vertex: usize,
         /// Its share.

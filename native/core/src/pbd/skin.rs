@@ -7,20 +7,19 @@ use std::time::Instant;
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
-use super::areas::JointAreas;
+use super::build::build_islands;
+use super::contact_shape::reshaped;
 use super::island::Island;
-use super::masks::PatchMasks;
-use super::patch::{PatchInput, build_patch};
 use super::smoothing::smooth_correction;
 use super::solver::{Scratch, solve_island};
 use super::stats::{ConstraintCounts, Milliseconds, Stats};
 use super::stiffness::check_shares;
 use super::surface_contact::SurfaceContacts;
 use super::{PbdError, PbdSettings, SkinningMethod};
-use crate::cage::{TetMesh, WindingNumber};
-use crate::mesh::{Adjacency, SurfaceQuery, TriangleMesh};
+use crate::cage::TetMesh;
+use crate::mesh::{Adjacency, TriangleMesh};
 use crate::rig::Skeleton;
-use crate::skinning::{SkinWeights, Skinning, SkinningError, check_transforms};
+use crate::skinning::{SkinWeights, Skinning, SkinningError, check_transforms, to_rest_space};
 
 /// A character's skin with volume-keeping joints. History-free: the same arguments give the same
 /// bits, whatever was solved before and on any number of threads.
@@ -28,6 +27,7 @@ pub struct PbdSkin {
     settings: PbdSettings,
     rest: Vec<Vec3>,
     weights: SkinWeights,
+    bone_rest: Option<Vec<Affine3A>>,
     adjacency: Adjacency,
     islands: Vec<Island>,
     contacts: Vec<SurfaceContacts>,
@@ -59,6 +59,25 @@ pub struct SolvedSkin {
     pub stats: Stats,
 }
 
+/// A solved pose as offsets of the vertices before they are skinned.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolvedOffsets {
+    /// Offsets (V).
+    pub offsets: Vec<Vec3>,
+    /// Vertices whose offset is limited, because their blended matrix is nearly singular.
+    pub limited: usize,
+    /// What it took.
+    pub stats: Stats,
+}
+
+/// A pose: how it is skinned plainly, what becomes of the vertices so, and what is solved.
+struct Posed<'a> {
+    skinning: Skinning<'a>,
+    plain: Vec<Vec3>,
+    solved: Vec<Vec3>,
+    stats: Stats,
+}
+
 impl PbdSkin {
     /// Builds cages, islands and constraints. A mesh without triangles or without blending joints
     /// is a skin too: it is only ever skinned plainly.
@@ -77,7 +96,7 @@ impl PbdSkin {
     /// Like [`Self::new`], with a share (V), 0 to 1, of the settings' stiffness at each vertex.
     ///
     /// # Errors
-    /// Those of [`Self::new`], and [`PbdError::StiffnessShare`] naming a vertex.
+    /// Those of [`Self::new`], and [`PbdError::Share`] naming a vertex.
     pub fn with_stiffness(
         mesh: &TriangleMesh,
         skeleton: &Skeleton,
@@ -88,7 +107,7 @@ impl PbdSkin {
         let begin = Instant::now();
         settings.check()?;
         if let Some(shares) = stiffness_shares {
-            check_shares(shares, mesh.vertex_count())?;
+            check_shares("stiffness_shares", shares, mesh.vertex_count())?;
         }
         for (element, left, left_count, right, right_count) in [
             ("vertices", "mesh", mesh.vertex_count(), "weights", weights.vertex_count()),
@@ -115,6 +134,7 @@ impl PbdSkin {
             settings: settings.clone(),
             rest: mesh.vertices().iter().map(|v| v.as_vec3()).collect(),
             weights: weights.clone(),
+            bone_rest: None,
             adjacency,
             islands,
             contacts,
@@ -126,6 +146,20 @@ impl PbdSkin {
         })
     }
 
+    /// Lets scaled bones keep their direction in dual quaternion skinning, as in Blender's Preserve
+    /// Volume: `rest` (B) are the bones' rest matrices, see [`DualQuaternion::from_transform`].
+    ///
+    /// [`DualQuaternion::from_transform`]: crate::skinning::DualQuaternion::from_transform
+    ///
+    /// # Errors
+    /// [`PbdError::Skinning`] for a wrong count or a matrix that is not finite.
+    pub fn with_bone_rest(mut self, rest: Vec<Affine3A>) -> Result<Self, PbdError> {
+        check_count("rest matrices", self.weights.bone_count(), rest.len())?;
+        check_transforms(&rest)?;
+        self.bone_rest = Some(rest);
+        Ok(self)
+    }
+
     /// Solves a pose. `transforms` (B) are pose · rest⁻¹; `vertices` (V) replace the rest positions
     /// of the surface, for shape keys that act before the armature.
     ///
@@ -133,20 +167,53 @@ impl PbdSkin {
     /// [`PbdError::Skinning`] naming a bone or vertex that is not finite, or a wrong count.
     pub fn solve(&self, transforms: &[Affine3A], vertices: Option<&[Vec3]>) -> Result<SolvedSkin, PbdError> {
         self.check_pose(transforms, vertices)?;
-        let solve = || self.solve_checked(transforms, vertices.unwrap_or(&self.rest));
-        Ok(self.pool.as_ref().map_or_else(solve, |pool| pool.install(solve)))
+        Ok(self.on_threads(|| {
+            let posed = self.pose(transforms, vertices.unwrap_or(&self.rest));
+            SolvedSkin { vertices: posed.solved, stats: posed.stats }
+        }))
+    }
+
+    /// Solves a pose like [`Self::solve`], as offsets that plain skinning turns into the solved
+    /// skin. Where only `shares` (V), 0 to 1, of the vertices follow the skinning, they get as much
+    /// of the correction.
+    ///
+    /// # Errors
+    /// Those of [`Self::solve`], and [`PbdError::Share`] naming a vertex.
+    pub fn solve_offsets(
+        &self,
+        transforms: &[Affine3A],
+        vertices: Option<&[Vec3]>,
+        shares: Option<&[f32]>,
+    ) -> Result<SolvedOffsets, PbdError> {
+        self.check_pose(transforms, vertices)?;
+        if let Some(shares) = shares {
+            check_shares("shares", shares, self.rest.len())?;
+        }
+        Ok(self.on_threads(|| {
+            let Posed { skinning, plain, mut solved, mut stats } =
+                self.pose(transforms, vertices.unwrap_or(&self.rest));
+            let begin = Instant::now();
+            for (vertex, (solved, plain)) in solved.iter_mut().zip(&plain).enumerate() {
+                *solved = (*solved - *plain) * shares.map_or(1.0, |shares| shares[vertex]);
+            }
+            let rest = to_rest_space(&skinning, &self.weights, &solved, shares);
+            stats.milliseconds.surface += milliseconds(begin);
+            stats.milliseconds.total += milliseconds(begin);
+            SolvedOffsets { offsets: rest.offsets, limited: rest.limited, stats }
+        }))
+    }
+
+    fn on_threads<T: Send>(&self, solve: impl FnOnce() -> T + Send) -> T {
+        match &self.pool {
+            Some(pool) => pool.install(solve),
+            None => solve(),
+        }
     }
 
     fn check_pose(&self, transforms: &[Affine3A], vertices: Option<&[Vec3]>) -> Result<(), SkinningError> {
         let vertex_count = vertices.map_or(self.rest.len(), <[Vec3]>::len);
-        for (element, expected, given) in [
-            ("transforms", self.weights.bone_count(), transforms.len()),
-            ("vertices", self.rest.len(), vertex_count),
-        ] {
-            if expected != given {
-                return Err(SkinningError::Count { element, expected, given });
-            }
-        }
+        check_count("transforms", self.weights.bone_count(), transforms.len())?;
+        check_count("vertices", self.rest.len(), vertex_count)?;
         check_transforms(transforms)?;
         match vertices.and_then(|v| v.iter().position(|v| !v.is_finite())) {
             Some(vertex) => Err(SkinningError::NonFiniteVertex { vertex }),
@@ -154,14 +221,16 @@ impl PbdSkin {
         }
     }
 
-    fn solve_checked(&self, transforms: &[Affine3A], vertices: &[Vec3]) -> SolvedSkin {
+    fn pose<'a>(&self, transforms: &'a [Affine3A], vertices: &[Vec3]) -> Posed<'a> {
         let begin = Instant::now();
         let skinning = match self.settings.skinning {
             SkinningMethod::Linear => Skinning::linear(transforms),
-            SkinningMethod::DualQuaternion => Skinning::dual_quaternion(transforms, None),
+            SkinningMethod::DualQuaternion => {
+                Skinning::dual_quaternion(transforms, self.bone_rest.as_deref())
+            }
         };
-        let mut positions = vec![Vec3::ZERO; vertices.len()];
-        skinning.all_into(vertices, &self.weights, &mut positions);
+        let mut plain = vec![Vec3::ZERO; vertices.len()];
+        skinning.all_into(vertices, &self.weights, &mut plain);
         let skinning_milliseconds = milliseconds(begin);
 
         let islands_begin = Instant::now();
@@ -172,7 +241,8 @@ impl PbdSkin {
         let islands_milliseconds = milliseconds(islands_begin);
 
         let surface_begin = Instant::now();
-        self.correct(&skinning, vertices, &scratch, &mut positions);
+        let mut solved = plain.clone();
+        self.correct(&skinning, vertices, &scratch, &mut solved);
         let stats = Stats {
             vertices: self.rest.len(),
             moved_vertices: self.moved.len(),
@@ -190,7 +260,7 @@ impl PbdSkin {
             },
         };
         self.give_scratch(scratch);
-        SolvedSkin { vertices: positions, stats }
+        Posed { skinning, plain, solved, stats }
     }
 
     fn solve_one(&self, island: &Island, transforms: &[Affine3A], scratch: &mut IslandScratch) {
@@ -250,10 +320,15 @@ impl PbdSkin {
         for &vertex in &self.moved {
             positions[vertex as usize] += correction[vertex as usize];
         }
-        if self.settings.self_collision && std::ptr::eq(vertices, self.rest.as_slice()) {
+        if self.settings.self_collision {
+            let is_rest = vertices == self.rest;
             for ((island, contacts), scratch) in self.islands.iter().zip(&self.contacts).zip(scratch) {
-                if let Some(frame) = &scratch.frame {
-                    contacts.separate(island, frame, &scratch.local, positions);
+                let Some(frame) = &scratch.frame else { continue };
+                if is_rest {
+                    contacts.separate(&island.contacts, island, frame, &scratch.local, positions);
+                } else {
+                    let shaped = reshaped(island, &scratch.local, vertices);
+                    contacts.separate(&shaped, island, frame, &scratch.local, positions);
                 }
             }
         }
@@ -304,41 +379,8 @@ impl PbdSkin {
     }
 }
 
-fn build_islands(
-    mesh: &TriangleMesh,
-    skeleton: &Skeleton,
-    weights: &SkinWeights,
-    settings: &PbdSettings,
-    stiffness_shares: Option<&[f32]>,
-    adjacency: &Adjacency,
-) -> Result<Vec<Island>, PbdError> {
-    let Ok(surface) = SurfaceQuery::new(mesh) else {
-        return Ok(Vec::new());
-    };
-    let weights = weights.normalized();
-    let areas = JointAreas::new(mesh, skeleton, &weights, settings.cell_size);
-    let masks = PatchMasks::new(mesh, adjacency, &areas);
-    let winding = WindingNumber::new(mesh);
-    let input = PatchInput {
-        mesh,
-        skeleton,
-        weights: &weights,
-        areas: &areas,
-        masks: &masks,
-        winding: &winding,
-        surface: &surface,
-        adjacency,
-        region: settings.region,
-        stiffness_shares,
-    };
-    let patches: Result<Vec<Vec<Island>>, PbdError> = (0..areas.cell_sizes.len() as u32)
-        .into_par_iter()
-        .map(|patch| build_patch(&input, patch, settings.cell_size))
-        .collect();
-    let mut islands: Vec<Island> = patches?.into_iter().flatten().collect();
-    // The largest first, so that no thread starts it last.
-    islands.sort_by_key(|island| std::cmp::Reverse(island.tetrahedra.len()));
-    Ok(islands)
+fn check_count(element: &'static str, expected: usize, given: usize) -> Result<(), SkinningError> {
+    if expected == given { Ok(()) } else { Err(SkinningError::Count { element, expected, given }) }
 }
 
 fn milliseconds(since: Instant) -> f64 {

@@ -9,23 +9,23 @@ const FIDELITY: f64 = 10.0;
 /// Softest share: a spring of no stiffness has no compliance that could be written down.
 const LEAST_SHARE: f32 = 1e-6;
 
-/// Checks shares (V), 0 to 1.
+/// Checks shares (V), 0 to 1, of an argument `name`.
 ///
 /// # Errors
-/// [`PbdError::Mismatch`] for another number of them, [`PbdError::StiffnessShare`] naming the first
-/// vertex whose share is out of range.
-pub(super) fn check_shares(shares: &[f32], vertex_count: usize) -> Result<(), PbdError> {
+/// [`PbdError::Mismatch`] for another number of them, [`PbdError::Share`] naming the first vertex
+/// whose share is out of range.
+pub(super) fn check_shares(name: &'static str, shares: &[f32], vertex_count: usize) -> Result<(), PbdError> {
     if shares.len() != vertex_count {
         return Err(PbdError::Mismatch {
             element: "vertices",
             left: "mesh",
             left_count: vertex_count,
-            right: "stiffness_shares",
+            right: name,
             right_count: shares.len(),
         });
     }
     match shares.iter().position(|share| !(0.0..=1.0).contains(share)) {
-        Some(vertex) => Err(PbdError::StiffnessShare { vertex, share: shares[vertex] }),
+        Some(vertex) => Err(PbdError::Share { name, vertex, share: shares[vertex] }),
         None => Ok(()),
     }
 }

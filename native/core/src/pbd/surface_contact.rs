@@ -3,7 +3,7 @@
 
 use glam::{Affine3A, Vec3};
 
-use super::contact::ContactScratch;
+use super::contact::{ContactScratch, JointContact};
 use super::island::Island;
 use super::self_collision::{mean_value_coordinates, relax};
 use crate::mesh::TriangleMesh;
@@ -46,17 +46,18 @@ impl SurfaceContacts {
             // A coordinate far outside of 0 to 1 comes from a ring that is folded already.
             phi.iter().all(|phi| (-0.5..=1.5).contains(phi)).then(|| ring.into_iter().zip(phi).collect())
         };
-        let rings_of = |contact: &super::contact::JointContact| {
+        let rings_of = |contact: &JointContact| {
             let vertices = contact.vertices.iter().map(|v| island.surface[v.point as usize].vertex);
             vertices.map(|vertex| ring_of(vertex).unwrap_or_default()).collect()
         };
         Self { rings: island.contacts.iter().map(rings_of).collect() }
     }
 
-    /// Separates the sides of every bent joint of an island. `local` are the transforms relative
-    /// to the island's `frame`; `positions` the whole surface.
+    /// Separates the sides of every bent joint of an island with its `contacts`. `local` are the
+    /// transforms relative to the island's `frame`; `positions` the whole surface.
     pub(super) fn separate(
         &self,
+        contacts: &[JointContact],
         island: &Island,
         frame: &Affine3A,
         local: &[Affine3A],
@@ -65,7 +66,7 @@ impl SurfaceContacts {
         let inverse = frame.inverse();
         let mut candidates: Vec<Vec3> = Vec::new();
         let mut found = ContactScratch::default();
-        for (contact, rings) in island.contacts.iter().zip(&self.rings) {
+        for (contact, rings) in contacts.iter().zip(&self.rings) {
             let Some(fold) = contact.fold_plane(local) else { continue };
             let all = contact.all();
             let vertex_of =

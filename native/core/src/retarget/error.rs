@@ -2,6 +2,7 @@
 
 use crate::mesh::MeshError;
 use crate::progress::Cancelled;
+use crate::rig::BoneMapError;
 use crate::spectral::SpectralError;
 
 /// A retarget that cannot be done. Nothing was changed.
@@ -45,6 +46,12 @@ pub enum RetargetError {
         /// Names that only the target has.
         target_only: String,
     },
+    /// Bones cannot be mapped.
+    #[error(transparent)]
+    BoneMap(#[from] BoneMapError),
+    /// A bone map was given without the skeletons that it maps.
+    #[error("a bone map needs both skeletons")]
+    MapWithoutSkeletons,
     /// A landmark names a vertex that does not exist.
     #[error("landmark {landmark}: {side} vertex {vertex} does not exist; the {side} has {count} vertices")]
     LandmarkOutOfRange {

@@ -11,6 +11,8 @@ pub(super) struct Follower {
     pub(super) row: Vec<(u32, f64)>,
     /// Vertex of the body that counts most.
     pub(super) nearest: u32,
+    /// Distance to the body.
+    pub(super) distance: f64,
 }
 
 /// Interpolates the rows of the body's vertices at the point of the body nearest to `point`.
@@ -21,8 +23,8 @@ pub(super) fn follow(
     rows: &[Vec<(u32, f64)>],
 ) -> Follower {
     let at = query.closest_point(point);
-    let Some(ClosestPoint { triangle, barycentric, .. }) = at else {
-        return Follower { row: rows.first().cloned().unwrap_or_default(), nearest: 0 };
+    let Some(ClosestPoint { triangle, barycentric, distance, .. }) = at else {
+        return Follower { row: rows.first().cloned().unwrap_or_default(), nearest: 0, distance: 0.0 };
     };
     let corners = body.triangles()[triangle as usize];
     let mut row: Vec<(u32, f64)> = Vec::new();
@@ -35,7 +37,7 @@ pub(super) fn follow(
         }
     }
     let largest = (0..3).rev().max_by(|&a, &b| barycentric[a].total_cmp(&barycentric[b])).unwrap_or(0);
-    Follower { row, nearest: corners[largest] }
+    Follower { row, nearest: corners[largest], distance }
 }
 
 #[cfg(test)]
@@ -50,6 +52,6 @@ mod tests {
         let rows = [vec![(0, 1.0)], vec![(1, 1.0)], vec![(0, 0.5), (2, 0.5)]];
         let follower = follow(DVec3::new(0.75, 0.0, 3.0), &body, &query, &rows);
         assert_eq!(follower.row, [(0, 0.25), (1, 0.75), (2, 0.0)]);
-        assert_eq!(follower.nearest, 1);
+        assert_eq!((follower.nearest, follower.distance), (1, 3.0));
     }
 }

@@ -1,14 +1,40 @@
 //! Weight retargeting: the weights of one character for another (section 5, Algorithm 2).
 
+mod alignment;
+mod auto;
+pub mod bilaplacian;
 mod body;
+mod bone_rays;
+mod bone_rotations;
 mod bones;
 mod chains;
+pub mod deform;
+mod differing_shapes;
 mod error;
+mod geodesic;
+pub mod icp;
+pub mod inpaint;
+mod joint_refinement;
+mod joint_system;
 mod landmarks;
 mod loose_parts;
+mod mapped;
+mod marks;
 mod matching;
 mod paper;
+mod parallel;
+pub mod part_shapes;
+pub mod part_weights;
+pub mod parts;
+mod ray_marks;
+pub mod rejection;
+mod rigid_fit;
+pub mod seams;
+pub mod shell;
 mod shepard;
+#[cfg(test)]
+mod test_surfaces;
+mod warp;
 
 use crate::mesh::TriangleMesh;
 use crate::progress::Progress;
@@ -19,6 +45,7 @@ pub use bones::pair_bones;
 pub use chains::{Biped, ChainEnd, Chains};
 pub use error::RetargetError;
 pub use landmarks::{check_landmarks, landmarks_from_skeletons};
+pub use mapped::retarget_weights;
 pub use matching::{Descriptors, Match, Regions, best_matches};
 pub use shepard::{NEIGHBOURS, shepard};
 
@@ -60,6 +87,19 @@ pub struct Character<'a> {
     pub skeleton: Option<&'a Skeleton>,
 }
 
+/// Where a vertex has its weights from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// Its match on the source.
+    Matched,
+    /// Its neighbours, by biharmonic inpainting.
+    Inpainted,
+    /// The closest point of the source, although no match near it could be relied on.
+    Nearest,
+    /// The treatment of its loose part: rigid, or after the surface below.
+    Part,
+}
+
 /// What a retarget found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Retargeted {
@@ -69,18 +109,14 @@ pub struct Retargeted {
     pub correspondence: Vec<u32>,
     /// Whether a vertex was matched by the surface; the others follow the nearest matched surface.
     pub matched: Vec<bool>,
+    /// Where each target vertex has its weights from.
+    pub origin: Vec<Origin>,
     /// Landmark pairs used (source vertex, target vertex).
     pub landmarks: Vec<[u32; 2]>,
 }
 
-/// Gives the target the weights of the source.
-///
-/// Without landmarks both skeletons are needed, and landmarks are chosen on them. Where both
-/// skeletons are given, bones are paired and matches are searched region by region (figure 3).
-///
-/// # Errors
-/// [`RetargetError`]; nothing was changed.
-pub fn retarget_weights(
+/// Retargets between skeletons whose weighted bones pair.
+fn by_method(
     source: Character<'_>,
     source_weights: &SkinWeights,
     target: Character<'_>,
@@ -88,9 +124,31 @@ pub fn retarget_weights(
     settings: &Settings,
     progress: &Progress,
 ) -> Result<Retargeted, RetargetError> {
-    match settings.method {
-        Method::Auto | Method::Paper => {
-            paper::retarget(source, source_weights, target, landmarks, settings, progress)
+    check_counts(source, source_weights)?;
+    match (settings.method, source.skeleton, target.skeleton) {
+        (Method::Auto, Some(from), Some(to)) => {
+            let source = auto::Rigged { mesh: source.mesh, skeleton: from };
+            let target = auto::Rigged { mesh: target.mesh, skeleton: to };
+            auto::retarget(source, source_weights, target, landmarks, settings, progress)
+        }
+        _ => paper::retarget(source, source_weights, target, landmarks, settings, progress),
+    }
+}
+
+fn check_counts(source: Character<'_>, weights: &SkinWeights) -> Result<(), RetargetError> {
+    let vertex_count = source.mesh.vertex_count();
+    let bone_count = source.skeleton.map_or(weights.bone_count(), Skeleton::bone_count);
+    let checks = [
+        ("vertices", "mesh", weights.vertex_count(), vertex_count),
+        ("bones", "skeleton", weights.bone_count(), bone_count),
+    ];
+    for (element, owner, found, expected) in checks {
+        if found != expected {
+            return Err(RetargetError::WeightCounts { element, owner, weights: found, expected });
         }
     }
+    if weights.entry_count() == 0 {
+        return Err(RetargetError::NoWeights);
+    }
+    Ok(())
 }

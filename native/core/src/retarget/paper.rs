@@ -13,7 +13,7 @@ use super::landmarks::{check_landmarks, landmarks_from_skeletons};
 use super::loose_parts::follow;
 use super::matching::{Descriptors, Match, best_matches};
 use super::shepard::{NEIGHBOURS, shepard};
-use super::{Character, RetargetError, Retargeted, Settings, pair_bones};
+use super::{Character, Origin, RetargetError, Retargeted, Settings, pair_bones};
 use crate::mesh::{MeshError, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::rig::{Skeleton, decompose};
@@ -32,8 +32,7 @@ pub(super) fn retarget(
     progress: &Progress,
 ) -> Result<Retargeted, RetargetError> {
     progress.begin("Reading the characters", 0.0, 0.05)?;
-    check_counts(source, source_weights)?;
-    let carries_weight = weighted_bones(source_weights);
+    let carries_weight = source_weights.used_bones();
     let bone_pairs = match (source.skeleton, target.skeleton) {
         (Some(from), Some(to)) => Some(pair_bones(from, to, &carries_weight)?),
         _ => None,
@@ -101,7 +100,9 @@ pub(super) fn retarget(
         .filter(|_| bone_pairs.is_some())
         .map_or(source_weights.bone_count(), Skeleton::bone_count);
     let correspondence = whole.iter().map(|found| source_body.whole(found.best)).collect();
-    let matched = whole.iter().map(|found| found.matched).collect();
+    let matched: Vec<bool> = whole.iter().map(|found| found.matched).collect();
+    let origin =
+        matched.iter().map(|&matched| if matched { Origin::Matched } else { Origin::Part }).collect();
     let renamed = whole.into_iter().map(|found| renumber(found.row, bone_pairs.as_deref()));
     let mut weights = SkinWeights::from_rows(renamed, bone_count);
     if let Some(count) = settings.max_influences {
@@ -111,36 +112,9 @@ pub(super) fn retarget(
         weights: weights.normalized(),
         correspondence,
         matched,
+        origin,
         landmarks: pairs.iter().map(|&[s, t]| [source_body.whole(s), target_body.whole(t)]).collect(),
     })
-}
-
-fn check_counts(source: Character<'_>, weights: &SkinWeights) -> Result<(), RetargetError> {
-    let vertex_count = source.mesh.vertex_count();
-    let bone_count = source.skeleton.map_or(weights.bone_count(), Skeleton::bone_count);
-    let checks = [
-        ("vertices", "mesh", weights.vertex_count(), vertex_count),
-        ("bones", "skeleton", weights.bone_count(), bone_count),
-    ];
-    for (element, owner, found, expected) in checks {
-        if found != expected {
-            return Err(RetargetError::WeightCounts { element, owner, weights: found, expected });
-        }
-    }
-    if weights.entry_count() == 0 {
-        return Err(RetargetError::NoWeights);
-    }
-    Ok(())
-}
-
-fn weighted_bones(weights: &SkinWeights) -> Vec<bool> {
-    let mut weighted = vec![false; weights.bone_count()];
-    for vertex in 0..weights.vertex_count() {
-        for &bone in weights.row(vertex).0 {
-            weighted[bone as usize] = true;
-        }
-    }
-    weighted
 }
 
 fn pieces(side: &'static str, mesh: &TriangleMesh) -> Result<Pieces, RetargetError> {

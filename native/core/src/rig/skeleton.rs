@@ -175,6 +175,11 @@ impl Skeleton {
         Self { heads: place(&self.heads), tails: place(&self.tails), ..like.clone() }
     }
 
+    /// This skeleton with its bones at other places: finite heads and tails (B).
+    pub(crate) fn placed(&self, heads: Vec<DVec3>, tails: Vec<DVec3>) -> Self {
+        Self { heads, tails, ..self.clone() }
+    }
+
     /// Length of a bone.
     #[must_use]
     pub fn length(&self, bone: usize) -> f64 {

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::dual_quaternion::{DualQuaternion, dual_quaternion_vertex};
 use super::linear::linear_vertex;
-use super::{DualQuaternionBlend, SkinWeights, SkinningError, blended_matrix};
+use super::{DualQuaternionBlend, SkinWeights, SkinningError, StretchedSpace, blended_matrix};
 
 /// Vertices per task: large enough to hide the cost of a task, small enough to share 10k vertices.
 const CHUNK: usize = 2048;
@@ -15,8 +15,8 @@ const CHUNK: usize = 2048;
 pub enum Skinning<'a> {
     /// Linear blend, by matrices.
     Linear(&'a [Affine3A]),
-    /// Dual quaternions.
-    DualQuaternion(Vec<DualQuaternion>),
+    /// Dual quaternions, in a space where bones turn rigidly.
+    DualQuaternion(Vec<DualQuaternion>, Option<StretchedSpace>),
 }
 
 impl<'a> Skinning<'a> {
@@ -26,14 +26,19 @@ impl<'a> Skinning<'a> {
         Self::Linear(transforms)
     }
 
-    /// Dual quaternion skinning of a pose; `rest` are the bones' rest orientations, needed only
-    /// where bones are scaled (see [`DualQuaternion::from_transform`]).
+    /// Dual quaternion skinning of a pose; `rest` are the bones' rest matrices, needed only where
+    /// bones are scaled (see [`DualQuaternion::from_transform`]) or the whole character is stretched:
+    /// where the axes of all rest matrices are those of one stretched space, bones turn rigidly in
+    /// the space without the stretch.
     #[must_use]
     pub fn dual_quaternion(transforms: &[Affine3A], rest: Option<&[Affine3A]>) -> Self {
+        let space = rest.and_then(StretchedSpace::of);
         let rest_of = |bone: usize| rest.and_then(|r| r.get(bone)).copied().unwrap_or(Affine3A::IDENTITY);
-        Self::DualQuaternion(
-            (0..).zip(transforms).map(|(b, t)| DualQuaternion::from_transform(t, &rest_of(b))).collect(),
-        )
+        let bone = |(b, t): (usize, &Affine3A)| match &space {
+            None => DualQuaternion::from_transform(t, &rest_of(b)),
+            Some(space) => DualQuaternion::from_transform(&space.rigid(t), &(space.inwards * rest_of(b))),
+        };
+        Self::DualQuaternion((0..).zip(transforms).map(bone).collect(), space)
     }
 
     /// Skins one vertex with its row of weights. Bones must be in range.
@@ -41,7 +46,12 @@ impl<'a> Skinning<'a> {
     pub fn vertex(&self, vertex: Vec3, row: (&[u32], &[f32])) -> Vec3 {
         match self {
             Self::Linear(transforms) => linear_vertex(vertex, row, transforms),
-            Self::DualQuaternion(bones) => dual_quaternion_vertex(vertex, row, bones),
+            Self::DualQuaternion(bones, None) => dual_quaternion_vertex(vertex, row, bones),
+            Self::DualQuaternion(bones, Some(space)) => {
+                let inside = space.inwards.transform_vector3(vertex);
+                // As an offset, so that the identity returns the same bits.
+                vertex + space.outwards.transform_vector3(dual_quaternion_vertex(inside, row, bones) - inside)
+            }
         }
     }
 
@@ -51,7 +61,10 @@ impl<'a> Skinning<'a> {
     pub fn matrix(&self, row: (&[u32], &[f32])) -> Mat3A {
         match self {
             Self::Linear(transforms) => blended_matrix(row, transforms),
-            Self::DualQuaternion(bones) => DualQuaternionBlend::new(row, bones).matrix(),
+            Self::DualQuaternion(bones, space) => {
+                let matrix = DualQuaternionBlend::new(row, bones).matrix();
+                space.as_ref().map_or(matrix, |s| s.outwards.matrix3 * matrix * s.inwards.matrix3)
+            }
         }
     }
 

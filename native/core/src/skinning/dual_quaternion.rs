@@ -1,8 +1,8 @@
 //! Dual quaternion skinning (Kavan et al. 2008), the normalised linear blend of Blender's
-//! Preserve Volume: scale is taken off the bones first, blended linearly, and applied before the
-//! rotation.
+//! Preserve Volume: what a bone's scale does to the vertex becomes part of the bone's translation,
+//! so that every bone that is blended moves the vertex rigidly.
 
-use std::ops::{AddAssign, Mul};
+use std::ops::Mul;
 
 use glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A};
 
@@ -31,10 +31,9 @@ impl DualQuaternion {
     pub fn from_transform(transform: &Affine3A, rest: &Affine3A) -> Self {
         let matrix = &transform.matrix3;
         let posed = *transform * *rest;
-        let lengths = [posed.matrix3.x_axis, posed.matrix3.y_axis, posed.matrix3.z_axis].map(Vec3A::length);
-        let unscaled = lengths.iter().zip([rest.matrix3.x_axis, rest.matrix3.y_axis, rest.matrix3.z_axis]);
-        let unscaled =
-            unscaled.map(|(l, axis)| (l - axis.length()).powi(2)).sum::<f32>() <= UNIT_SCALE.powi(2);
+        let lengths = |m: &Mat3A| [m.x_axis, m.y_axis, m.z_axis].map(Vec3A::length);
+        let ratios = lengths(&posed.matrix3).into_iter().zip(lengths(&rest.matrix3)).map(|(l, r)| l / r);
+        let unscaled = ratios.map(|ratio| (ratio - 1.0).powi(2)).sum::<f32>() <= UNIT_SCALE.powi(2);
         if is_orthonormal(matrix) && matrix.determinant() >= 0.0 && unscaled {
             return Self::rigid(Quat::from_mat3a(matrix), transform.translation.into(), None);
         }
@@ -73,8 +72,9 @@ fn orthogonalized_on_y(m: &Mat3A) -> Mat3A {
 pub struct DualQuaternionBlend {
     real: Quat,
     dual: Quat,
-    /// Σ w (S − 1) over scaled bones, an affine map.
-    scale: Option<Affine3A>,
+    /// Σ w q ((S − 1) p) over scaled bones, as a map from the vertex p: the images of the axes and
+    /// of the origin.
+    scale: Option<[Quat; 4]>,
     sum: f32,
 }
 
@@ -91,9 +91,11 @@ impl DualQuaternionBlend {
             blend.real += bone.real * signed;
             blend.dual += bone.dual * signed;
             if let Some(scale) = bone.scale {
-                let sum = blend.scale.get_or_insert(Affine3A::ZERO);
-                sum.matrix3.add_assign((scale.matrix3 - Mat3A::IDENTITY) * weight);
-                sum.translation += scale.translation * weight;
+                let stretch = scale.matrix3 - Mat3A::IDENTITY;
+                let columns = [stretch.x_axis, stretch.y_axis, stretch.z_axis, scale.translation];
+                for (sum, column) in blend.scale.get_or_insert([zero; 4]).iter_mut().zip(columns) {
+                    *sum += bone.real.mul(Quat::from_xyzw(column.x, column.y, column.z, 0.0)) * signed;
+                }
             }
             blend.sum += weight;
         }
@@ -107,26 +109,31 @@ impl DualQuaternionBlend {
         if self.sum <= SMALLEST_WEIGHT_SUM || length_squared <= f32::MIN_POSITIVE {
             return vertex;
         }
-        let mut point = Vec3A::from(vertex);
-        if let Some(scale) = &self.scale {
-            point += (scale.matrix3 * point + scale.translation) / self.sum;
+        let point = Vec3A::from(vertex);
+        let mut dual = self.dual;
+        if let Some([x, y, z, origin]) = self.scale {
+            dual += (x * point.x + y * point.y + z * point.z + origin) * 0.5;
         }
         let (axis, w) = (Vec3A::new(self.real.x, self.real.y, self.real.z), self.real.w);
-        let (dual, dual_w) = (Vec3A::new(self.dual.x, self.dual.y, self.dual.z), self.dual.w);
+        let (dual, dual_w) = (Vec3A::new(dual.x, dual.y, dual.z), dual.w);
         // Written as an offset, so that the identity returns the same bits.
         let turned = 2.0 * axis.cross(axis.cross(point) + w * point);
         let moved = 2.0 * (w * dual - dual_w * axis + axis.cross(dual));
         Vec3::from(point + (turned + moved) / length_squared)
     }
 
-    /// Rotation and scale of the blend as a matrix; the identity where nothing is blended.
+    /// What [`Self::apply`] does to a small offset from the vertex: rotation and scale of the blend;
+    /// the identity where nothing is blended.
     #[must_use]
     pub fn matrix(&self) -> Mat3A {
-        if self.sum <= SMALLEST_WEIGHT_SUM || self.real.length_squared() <= f32::MIN_POSITIVE {
+        let length_squared = self.real.length_squared();
+        if self.sum <= SMALLEST_WEIGHT_SUM || length_squared <= f32::MIN_POSITIVE {
             return Mat3A::IDENTITY;
         }
         let rotation = Mat3A::from_quat(self.real.normalize());
-        self.scale.map_or(rotation, |s| rotation * (Mat3A::IDENTITY + s.matrix3 * self.sum.recip()))
+        let Some([x, y, z, _]) = self.scale else { return rotation };
+        let image = |q: Quat| Vec3A::from(q.mul(self.real.conjugate()).xyz()) / length_squared;
+        rotation + Mat3A::from_cols(image(x), image(y), image(z))
     }
 }
 
@@ -208,6 +215,18 @@ mod tests {
             let blend = Skinning::dual_quaternion(&[Affine3A::IDENTITY, turned], None);
             let matrix = blend.matrix(weights.row(0));
             prop_assert!(matrix.abs_diff_eq(Mat3A::from_rotation_x(angle / 2.0), 1e-5));
+        }
+
+        #[test]
+        fn the_matrix_is_the_derivative_of_scaled_bones_too(
+            turn in rotation(), scale in prop::array::uniform3(0.5f32..2.0), v in vector(), d in vector(),
+        ) {
+            let weights = SkinWeights::from_triplets([(0, 0, 0.4), (0, 1, 0.7)], 1, 2).unwrap();
+            let scaled = Affine3A::from_scale_rotation_translation(Vec3::from_array(scale), turn, v);
+            let skinning = Skinning::dual_quaternion(&[Affine3A::IDENTITY, scaled], None);
+            let row = weights.row(0);
+            let moved = skinning.vertex(v + d, row) - skinning.vertex(v, row);
+            prop_assert!(moved.distance((skinning.matrix(row) * Vec3A::from(d)).into()) < 1e-4);
         }
 
         #[test]

@@ -23,10 +23,16 @@ pub struct RestSpaceOffsets {
 }
 
 /// Takes offsets (V) of the skinned surface back to rest by the inverse of each vertex's blended
-/// matrix. Nearly singular matrices are limited, so that no vertex is thrown away, and counted.
-/// Vertices without weights keep their offset. The three must have one entry (row) for each vertex.
+/// matrix M, or of (1 − s) I + s M where `shares` s (V) of the vertices follow the skinning. Nearly
+/// singular matrices are limited, so that no vertex is thrown away, and counted. Vertices without
+/// weights keep their offset. All must have one entry (row) for each vertex.
 #[must_use]
-pub fn to_rest_space(skinning: &Skinning<'_>, weights: &SkinWeights, offsets: &[Vec3]) -> RestSpaceOffsets {
+pub fn to_rest_space(
+    skinning: &Skinning<'_>,
+    weights: &SkinWeights,
+    offsets: &[Vec3],
+    shares: Option<&[f32]>,
+) -> RestSpaceOffsets {
     let mut rest = vec![Vec3::ZERO; offsets.len()];
     let limited = rest
         .par_chunks_mut(CHUNK)
@@ -36,7 +42,11 @@ pub fn to_rest_space(skinning: &Skinning<'_>, weights: &SkinWeights, offsets: &[
             for (vertex, out) in (chunk * CHUNK..).zip(rest) {
                 let offset = offsets[vertex];
                 if offset != Vec3::ZERO {
-                    let (solved, is_limited) = solve(&skinning.matrix(weights.row(vertex)), offset.into());
+                    let mut matrix = skinning.matrix(weights.row(vertex));
+                    if let Some(shares) = shares {
+                        matrix = Mat3A::IDENTITY + (matrix - Mat3A::IDENTITY) * shares[vertex];
+                    }
+                    let (solved, is_limited) = solve(&matrix, offset.into());
                     *out = solved.into();
                     limited += usize::from(is_limited);
                 }
@@ -93,11 +103,23 @@ mod tests {
             let (v, d) = (Vec3::from_array(v), Vec3::from_array(d));
             let transforms = [Affine3A::IDENTITY, Affine3A::from_rotation_x(angle)];
             let skinning = Skinning::linear(&transforms);
-            let rest = to_rest_space(&skinning, &weights(), &[d, Vec3::ONE]);
+            let rest = to_rest_space(&skinning, &weights(), &[d, Vec3::ONE], None);
             prop_assert_eq!(rest.limited, 0);
             prop_assert_eq!(rest.offsets[1], Vec3::ONE, "a vertex without weights");
             let skin = |v: Vec3| linear_blend_skinning(&[v, v], &weights(), &transforms).unwrap()[0];
             prop_assert!((skin(v + rest.offsets[0]) - skin(v)).distance(d) < 2e-5);
+        }
+    }
+
+    #[test]
+    fn a_share_follows_in_part() {
+        let transforms = [Affine3A::IDENTITY, Affine3A::from_rotation_x(2.0)];
+        let skinning = Skinning::linear(&transforms);
+        let (v, d) = (Vec3::new(0.3, 0.5, -0.2), Vec3::new(0.02, -0.01, 0.03));
+        for share in [0.0, 0.3, 1.0] {
+            let rest = to_rest_space(&skinning, &weights(), &[d, Vec3::ZERO], Some(&[share, 1.0]));
+            let masked = |v: Vec3| v.lerp(skinning.vertex(v, weights().row(0)), share);
+            assert!((masked(v + rest.offsets[0]) - masked(v)).distance(d) < 1e-6, "{share}");
         }
     }
 
@@ -110,7 +132,7 @@ mod tests {
             let skinning = Skinning::linear(&transforms);
             // The direction that the collapse shrinks most, at the size that the collapse leaves.
             let wanted = Vec3::from(skinning.matrix(weights().row(0)) * Vec3A::Y);
-            let rest = to_rest_space(&skinning, &weights(), &[wanted, Vec3::ZERO]);
+            let rest = to_rest_space(&skinning, &weights(), &[wanted, Vec3::ZERO], None);
             let length = rest.offsets[0].length();
             if tenths < 1788 {
                 assert_eq!(rest.limited, 0, "{tenths}");
@@ -126,11 +148,11 @@ mod tests {
     #[test]
     fn a_half_turn_is_limited_and_finite() {
         let transforms = [Affine3A::IDENTITY, Affine3A::from_rotation_x(std::f32::consts::PI)];
-        let rest = to_rest_space(&Skinning::linear(&transforms), &weights(), &[Vec3::Y, Vec3::ZERO]);
+        let rest = to_rest_space(&Skinning::linear(&transforms), &weights(), &[Vec3::Y, Vec3::ZERO], None);
         assert_eq!(rest.limited, 1);
         assert!(rest.offsets[0].is_finite() && rest.offsets[0].length() < 1.0 / SINGULAR as f32);
         let flat = [Affine3A::from_scale(Vec3::ZERO); 2];
-        let rest = to_rest_space(&Skinning::linear(&flat), &weights(), &[Vec3::Y, Vec3::ZERO]);
+        let rest = to_rest_space(&Skinning::linear(&flat), &weights(), &[Vec3::Y, Vec3::ZERO], None);
         assert_eq!((rest.limited, rest.offsets[0]), (1, Vec3::ZERO));
     }
 }

@@ -138,6 +138,14 @@ impl SkinWeights {
         self.row(vertex).1.iter().map(|&w| f64::from(w)).sum()
     }
 
+    /// Which bones (B) have any weight.
+    #[must_use]
+    pub fn used_bones(&self) -> Vec<bool> {
+        let mut used = vec![false; self.bone_count];
+        self.bones.iter().for_each(|&bone| used[bone as usize] = true);
+        used
+    }
+
     /// Weights as a dense matrix (V×B), row after row.
     #[must_use]
     pub fn to_dense(&self) -> Vec<f32> {

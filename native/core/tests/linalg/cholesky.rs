@@ -45,6 +45,37 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Sparse random graphs of many small pieces with a few hubs: their elimination trees have
+    /// subtrees of all shapes, which the solves cut into tasks.
+    #[test]
+    fn bushy_elimination_trees_are_solved(
+        (size, reach, edges) in (60_usize..900, 2_usize..60).prop_flat_map(|(size, reach)| {
+            let edge = (0..size, 1..=reach, 0.1..1.1_f64);
+            (Just(size), Just(reach), prop::collection::vec(edge, size / 2..2 * size))
+        }),
+        hubs in 0_usize..6
+    ) {
+        let mut triplets: Vec<_> = (0..size).map(|at| (at, at, 0.05)).collect();
+        for (at, (a, step, weight)) in edges.into_iter().enumerate() {
+            let b = if at % 7 < hubs { at % 7 } else { (a + step * step % reach) % size };
+            if a != b {
+                triplets.extend([(a, b, -weight), (a, a, weight), (b, b, weight)]);
+            }
+        }
+        let matrix = SymmetricMatrix::from_triplets(size, &triplets).unwrap();
+        let columns = 9;
+        let expected: Vec<f64> = (0..size * columns).map(noise).collect();
+        let mut solution = matrix.mul_block(&expected, columns).unwrap();
+        factor(&matrix).unwrap().solve_in_place(&mut solution, columns).unwrap();
+        for (solution, expected) in solution.iter().zip(&expected) {
+            prop_assert!((solution - expected).abs() < 1e-9);
+        }
+    }
+}
+
 #[test]
 fn a_solution_has_the_same_bits_on_any_thread_and_in_any_company() {
     let (laplacian, mass) = laplacian(&sphere(4));

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The list of bones in the sidebar: which target bones stand for each source bone."""
+
+import bpy
+
+from ..core.bones import HOW
+from .bone_map_add import DERMIS_OT_bone_map_add
+from .bone_map_clear import DERMIS_OT_bone_map_clear
+from .bone_map_fill import DERMIS_OT_map_bones
+from .bone_map_operator import armatures
+from .bone_map_remove import DERMIS_OT_bone_map_remove
+from .panel import SidebarPanel
+from .selection import single_target, source_of
+
+
+class DERMIS_UL_bone_map(bpy.types.UIList):
+    """Source bone, target bone, how it was found."""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
+        """Draw one pair; the target bone can be changed."""
+        split = layout.split(factor=0.4, align=True)
+        split.label(text=item.source, icon="BONE_DATA")
+        split = split.split(factor=0.7, align=True)
+        source, target = source_of(context), single_target(context)
+        armature = armatures(source, target)[1] if source is not None and target is not None else None
+        if armature is None:
+            split.prop(item, "target", text="")
+        else:
+            split.prop_search(item, "target", armature.data, "bones", text="")
+        how = HOW.get(item.how.lower(), "") if item.target else "to its ancestor"
+        split.label(text=how)
+
+    def filter_items(self, context, data, propname):
+        """Show the rows whose source or target bone has the text of the filter."""
+        rows = getattr(data, propname)
+        if not self.filter_name:
+            return [], []
+        wanted = self.filter_name.lower()
+        shown = [
+            self.bitflag_filter_item if wanted in row.source.lower() or wanted in row.target.lower() else 0
+            for row in rows
+        ]
+        return shown, []
+
+
+class DERMIS_PT_bone_map(SidebarPanel, bpy.types.Panel):
+    """The bone list of the only target."""
+
+    bl_label = "Bones"
+    bl_parent_id = "DERMIS_PT_retarget"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        """Draw the panel."""
+        layout = self.layout
+        source, target = source_of(context), single_target(context)
+        if source is None or target is None:
+            layout.label(text="Select one source and one target", icon="INFO")
+            return
+        kept = target.dermis_retarget
+        own = armatures(source, target)[0]
+        if kept.bone_map and (own is None or kept.bone_map_source != own):
+            owner = kept.bone_map_source.name if kept.bone_map_source else "a removed armature"
+            layout.label(text=f"This list belongs to {owner}", icon="ERROR")
+        if kept.bone_map:
+            row = layout.row()
+            row.template_list("DERMIS_UL_bone_map", "", kept, "bone_map", kept, "active_bone_pair", rows=6)
+            column = row.column(align=True)
+            column.operator(DERMIS_OT_bone_map_add.bl_idname, text="", icon="ADD")
+            column.operator(DERMIS_OT_bone_map_remove.bl_idname, text="", icon="REMOVE")
+            column.separator()
+            column.operator(DERMIS_OT_bone_map_clear.bl_idname, text="", icon="TRASH")
+        else:
+            layout.label(text="None: mapped with each retargeting", icon="INFO")
+        layout.operator(DERMIS_OT_map_bones.bl_idname, icon="BONE_DATA")
+
+
+CLASSES = (DERMIS_UL_bone_map, DERMIS_PT_bone_map)

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators whose work runs in a thread: Blender stays responsive, ESC stops it."""
+
+import bpy
+
+from ..blender.retarget_job import POLL_SECONDS
+from .operator_base import DermisOperator
+
+# A job that ends this soon needs no modal state.
+PATIENCE_SECONDS = 0.2
+
+
+class ModalJobOperator(DermisOperator):
+    """Mixin: `job(context)` reads everything, its `task` works, `finished(job)` writes and reports.
+
+    `doing` names the work in the status bar.
+    """
+
+    doing = "Working"
+
+    def run(self, context):
+        """Work while Blender waits."""
+        job = self.job(context)
+        manager = context.window_manager
+        manager.progress_begin(0, 100)
+        try:
+            job.run(lambda fraction: manager.progress_update(int(100 * fraction)))
+        finally:
+            manager.progress_end()
+        return self.finished(job)
+
+    def invoke(self, context, event):
+        """Work while Blender stays responsive, where it has a window."""
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        return self.guarded(lambda: self._start(context))
+
+    def modal(self, context, event):
+        """Watch the thread; ESC stops it."""
+        if event.type == "ESC" and event.value == "PRESS":
+            self._running.task.cancel()
+        elif event.type == "TIMER":
+            if self._running.task.wait(0):
+                self._end_modal(context)
+                return self.guarded(lambda: self.finished(self._running))
+            self._show_progress(context)
+        return {"RUNNING_MODAL"}
+
+    def cancel(self, context):
+        """Blender ends the operator, for instance because another file is opened."""
+        self._running.task.cancel()
+        self._end_modal(context)
+
+    def _start(self, context) -> set[str]:
+        self._running = self.job(context)
+        self._running.task.start()
+        if self._running.task.wait(PATIENCE_SECONDS):
+            return self.finished(self._running)
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
+        manager.progress_begin(0, 100)
+        manager.modal_handler_add(self)
+        self._show_progress(context)
+        return {"RUNNING_MODAL"}
+
+    def _show_progress(self, context) -> None:
+        task = self._running.task
+        context.window_manager.progress_update(int(100 * task.fraction))
+        context.workspace.status_text_set(f"{self.doing}: {task.stage} ({task.fraction:.0%})    ESC: cancel")
+
+    def _end_modal(self, context) -> None:
+        manager = context.window_manager
+        manager.event_timer_remove(self._timer)
+        manager.progress_end()
+        context.workspace.status_text_set(None)

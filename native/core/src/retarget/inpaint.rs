@@ -1,0 +1,388 @@
+//! Biharmonic inpainting of weights: rows that are known stay, the others become as smooth as
+//! possible (Abdrashitov, Raichstat, Monsen, Hill: "Robust skin weights transfer via weight
+//! inpainting", 2023).
+//!
+//! Every hole is solved by itself, with one right-hand side for each bone that occurs around it.
+//! Negative values are cut off and rows scaled to a sum of 1. Around what was filled, and nowhere
+//! else, some rounds of smoothing take away the crease at the border.
+
+use rayon::prelude::*;
+
+use super::bilaplacian::{Bilaplacian, factor};
+use crate::linalg::SymbolicCholesky;
+use crate::mesh::{Adjacency, TriangleMesh};
+use crate::progress::Progress;
+use crate::spectral::SpectralError;
+
+/// A weight row: `(bone, weight)`, bones ascending.
+pub type Row = Vec<(u32, f64)>;
+
+/// Weights below this are dropped from filled rows.
+const NEGLIGIBLE: f64 = 1e-5;
+/// How far one round of smoothing moves a filled row towards its neighbours.
+const STEP: f64 = 0.2;
+/// Rings of known rows around a hole that are smoothed too, less and less.
+const RINGS: u32 = 2;
+
+/// Settings of inpainting.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InpaintSettings {
+    /// Rounds of smoothing next to what was filled; 0 for none.
+    pub smoothing_rounds: u32,
+}
+
+impl Default for InpaintSettings {
+    fn default() -> Self {
+        Self { smoothing_rounds: 4 }
+    }
+}
+
+/// Weights without holes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Inpainted {
+    /// Weights of every vertex (V); each row sums to 1, but those of `unreached` are empty.
+    pub rows: Vec<Row>,
+    /// Vertices on components without a known row, ascending.
+    pub unreached: Vec<u32>,
+}
+
+/// Fills the rows that are not known. Known rows are scaled to a sum of 1; one without weight
+/// counts as unknown. On a seam that only an export had opened, a known vertex speaks for all.
+///
+/// # Errors
+/// [`SpectralError`] for a mesh without surface, a failed factorisation, or a cancelled `progress`.
+///
+/// # Panics
+/// Unless there is one row and one flag for each vertex.
+pub fn inpaint(
+    mesh: &TriangleMesh,
+    rows: &[Row],
+    known: &[bool],
+    settings: &InpaintSettings,
+    progress: &Progress,
+) -> Result<Inpainted, SpectralError> {
+    assert!(rows.len() == mesh.vertex_count() && known.len() == rows.len(), "one row for each vertex");
+    let surface = Bilaplacian::new(mesh, &[])?;
+    progress.report(0.2)?;
+    let count = mesh.vertex_count();
+    let mut filled: Vec<Row> = vec![Row::new(); count];
+    for (v, row) in rows.iter().enumerate().filter(|(v, _)| known[*v]) {
+        let stand = surface.stands_for[v] as usize;
+        let total: f64 = row.iter().map(|entry| entry.1).sum();
+        // The vertex itself comes before those that it stands for, so the lowest known one speaks.
+        if total > 0.0 && filled[stand].is_empty() {
+            filled[stand] = row.iter().map(|&(bone, weight)| (bone, weight / total)).collect();
+        }
+    }
+    let is_known: Vec<bool> = filled.iter().map(|row| !row.is_empty()).collect();
+    let topology = surface.welded.topology();
+    let adjacency = Adjacency::new(count, &topology);
+    let mut reached = vec![false; surface.component_count];
+    (0..count).filter(|&v| is_known[v]).for_each(|v| reached[surface.components[v] as usize] = true);
+    let to_fill = |v: usize| {
+        surface.stands_for[v] as usize == v && !is_known[v] && reached[surface.components[v] as usize]
+    };
+
+    let holes = holes(&surface, |v| to_fill(v) && surface.shares[v] > 0.0);
+    let total: usize = holes.iter().map(Vec::len).sum();
+    let mut done = 0;
+    for hole in &holes {
+        for (&v, row) in hole.iter().zip(fill(&surface, hole, &filled)?) {
+            filled[v] = row;
+        }
+        done += hole.len();
+        progress.report(0.2 + 0.6 * done as f64 / total as f64)?;
+    }
+    fill_without_area(&adjacency, to_fill, &mut filled);
+    smooth(&adjacency, &is_known, &mut filled, settings.smoothing_rounds, progress)?;
+
+    for (v, &stand) in surface.stands_for.iter().enumerate() {
+        if v != stand as usize {
+            filled[v] = filled[stand as usize].clone();
+        }
+    }
+    let unreached = (0u32..).zip(&filled).filter(|(_, row)| row.is_empty()).map(|(v, _)| v).collect();
+    progress.report(1.0)?;
+    Ok(Inpainted { rows: filled, unreached })
+}
+
+/// Groups of vertices to fill that depend on each other, each ascending.
+fn holes(surface: &Bilaplacian, to_fill: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
+    let mut seen = vec![false; surface.vertex_count()];
+    let mut holes = Vec::new();
+    for first in 0..surface.vertex_count() {
+        if seen[first] || !to_fill(first) {
+            continue;
+        }
+        seen[first] = true;
+        let (mut hole, mut next) = (vec![first], 0);
+        while let Some(&v) = hole.get(next) {
+            next += 1;
+            for &n in surface.form.column(v).0 {
+                if !seen[n] && to_fill(n) {
+                    seen[n] = true;
+                    hole.push(n);
+                }
+            }
+        }
+        hole.sort_unstable();
+        holes.push(hole);
+    }
+    holes
+}
+
+/// Rows of one hole: Q_uu w_u = −Q_uk w_k for every bone around it.
+fn fill(surface: &Bilaplacian, hole: &[usize], rows: &[Row]) -> Result<Vec<Row>, SpectralError> {
+    let mut bones: Vec<u32> = Vec::new();
+    for &v in hole {
+        let around = surface.form.column(v).0.iter().flat_map(|&n| &rows[n]);
+        bones.extend(around.map(|entry| entry.0));
+    }
+    bones.sort_unstable();
+    bones.dedup();
+    let mut right = vec![0.0; hole.len() * bones.len()];
+    for (at, &v) in hole.iter().enumerate() {
+        let (neighbours, values) = surface.form.column(v);
+        for (&n, value) in neighbours.iter().zip(values) {
+            for (bone, weight) in &rows[n] {
+                if let Ok(column) = bones.binary_search(bone) {
+                    right[column * hole.len() + at] -= value * weight;
+                }
+            }
+        }
+    }
+    let matrix = surface.form.principal_submatrix(hole)?;
+    let cholesky = factor(&SymbolicCholesky::new(&matrix)?, &matrix)?;
+    cholesky.solve_in_place(&mut right, bones.len())?;
+    let row = |at: usize| {
+        let value = |column: usize| right[column * hole.len() + at].max(0.0);
+        let total: f64 = (0..bones.len()).map(value).sum();
+        let bound = NEGLIGIBLE * total;
+        let entries = (0..bones.len()).filter(|&c| value(c) > bound).map(|c| (bones[c], value(c)));
+        normalized(entries.collect())
+    };
+    Ok((0..hole.len()).into_par_iter().map(row).collect())
+}
+
+/// Vertices without area have no row in the form: they take the mean of their neighbours, from
+/// known ones inward.
+fn fill_without_area(adjacency: &Adjacency, to_fill: impl Fn(usize) -> bool, rows: &mut [Row]) {
+    let mut left: Vec<usize> = (0..rows.len()).filter(|&v| rows[v].is_empty() && to_fill(v)).collect();
+    while !left.is_empty() {
+        let found: Vec<Row> =
+            left.iter().map(|&v| mean(adjacency.neighbours(v).iter().map(|&n| &rows[n as usize]))).collect();
+        let before = left.len();
+        for (&v, row) in left.iter().zip(found) {
+            rows[v] = row;
+        }
+        left.retain(|&v| rows[v].is_empty());
+        if left.len() == before {
+            return;
+        }
+    }
+}
+
+/// Moves the rows in and around the holes towards the mean of their neighbours.
+fn smooth(
+    adjacency: &Adjacency,
+    known: &[bool],
+    rows: &mut [Row],
+    rounds: u32,
+    progress: &Progress,
+) -> Result<(), SpectralError> {
+    let steps = steps(adjacency, known, rows);
+    for round in 0..rounds {
+        progress.report(0.8 + 0.2 * f64::from(round) / f64::from(rounds))?;
+        let moved: Vec<Row> = steps
+            .par_iter()
+            .map(|&(v, step)| {
+                let around = mean(adjacency.neighbours(v).iter().map(|&n| &rows[n as usize]));
+                let share = if around.is_empty() { 0.0 } else { step };
+                blend([(&rows[v], 1.0 - share), (&around, share)].into_iter())
+            })
+            .collect();
+        for (&(v, _), row) in steps.iter().zip(moved) {
+            rows[v] = row;
+        }
+    }
+    Ok(())
+}
+
+/// Vertices to smooth and how far: filled ones, and known ones a few rings around.
+fn steps(adjacency: &Adjacency, known: &[bool], rows: &[Row]) -> Vec<(usize, f64)> {
+    let mut ring: Vec<Option<u32>> =
+        known.iter().zip(rows).map(|(known, row)| (!known && !row.is_empty()).then_some(0)).collect();
+    for step in 1..=RINGS {
+        let next: Vec<usize> = (0..rows.len())
+            .filter(|&v| ring[v].is_none() && !rows[v].is_empty())
+            .filter(|&v| adjacency.neighbours(v).iter().any(|&n| ring[n as usize] == Some(step - 1)))
+            .collect();
+        next.into_iter().for_each(|v| ring[v] = Some(step));
+    }
+    let share = |ring: u32| STEP * f64::from(RINGS + 1 - ring) / f64::from(RINGS + 1);
+    ring.iter().enumerate().filter_map(|(v, ring)| Some((v, share((*ring)?)))).collect()
+}
+
+/// Mean of the rows that are not empty.
+fn mean<'a>(rows: impl Iterator<Item = &'a Row>) -> Row {
+    normalized(blend(rows.map(|row| (row, 1.0))))
+}
+
+/// Sum of rows with factors.
+pub(super) fn blend<'a>(rows: impl Iterator<Item = (&'a Row, f64)>) -> Row {
+    let mut entries: Row = rows
+        .flat_map(|(row, factor)| row.iter().map(move |&(bone, weight)| (bone, factor * weight)))
+        .collect();
+    entries.sort_by_key(|entry| entry.0);
+    entries
+        .chunk_by(|a, b| a.0 == b.0)
+        .map(|run| (run[0].0, run.iter().map(|entry| entry.1).sum()))
+        .filter(|entry| entry.1 > 0.0)
+        .collect()
+}
+
+/// The row scaled to a sum of 1; empty if it has no weight.
+pub(super) fn normalized(mut row: Row) -> Row {
+    let total: f64 = row.iter().map(|entry| entry.1).sum();
+    if total <= 0.0 {
+        return Row::new();
+    }
+    row.iter_mut().for_each(|entry| entry.1 /= total);
+    row
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_surfaces::{grid, icosphere, joined, mapped, permuted, similarity, tube};
+    use super::*;
+
+    const UNSMOOTHED: InpaintSettings = InpaintSettings { smoothing_rounds: 0 };
+
+    fn run(mesh: &TriangleMesh, rows: &[Row], known: &[bool], settings: &InpaintSettings) -> Inpainted {
+        inpaint(mesh, rows, known, settings, &Progress::new()).unwrap()
+    }
+
+    /// Weight of bone 1 falls from 1 to 0 along x; bone 0 has the rest.
+    fn ramp(mesh: &TriangleMesh) -> Vec<Row> {
+        mesh.vertices().iter().map(|p| vec![(0, p.x), (1, 1.0 - p.x)]).collect()
+    }
+
+    fn weight(row: &Row, bone: u32) -> f64 {
+        row.iter().find(|entry| entry.0 == bone).map_or(0.0, |entry| entry.1)
+    }
+
+    #[test]
+    fn linear_weights_on_a_flat_grid_are_reproduced() {
+        let grid = grid(20);
+        let rows = ramp(&grid);
+        let known: Vec<bool> =
+            grid.vertices().iter().map(|p| p.distance(glam::DVec3::new(0.5, 0.45, 0.0)) > 0.3).collect();
+        let found = run(&grid, &rows, &known, &UNSMOOTHED);
+        assert!(known.iter().filter(|known| !**known).count() > 80);
+        for (row, point) in found.rows.iter().zip(grid.vertices()) {
+            assert!((weight(row, 0) - point.x).abs() < 1e-8);
+            assert!((row.iter().map(|entry| entry.1).sum::<f64>() - 1.0).abs() < 1e-12);
+        }
+        // Smoothing leaves linear weights alone inside of the grid.
+        let smoothed = run(&grid, &rows, &known, &InpaintSettings::default());
+        for (row, point) in smoothed.rows.iter().zip(grid.vertices()) {
+            assert!((weight(row, 0) - point.x).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn a_hole_between_two_plateaus_is_bridged_smoothly() {
+        let tube = tube(0.3, 3.0, 32, 90);
+        let rows: Vec<Row> =
+            tube.vertices().iter().map(|p| vec![(if p.z < 1.5 { 3 } else { 7 }, 1.0)]).collect();
+        let known: Vec<bool> = tube.vertices().iter().map(|p| (p.z - 1.5).abs() > 0.5).collect();
+        let found = run(&tube, &rows, &known, &UNSMOOTHED);
+        for (row, point) in found.rows.iter().zip(tube.vertices()) {
+            // On a tube the solution is the cubic between the plateaus.
+            let t = ((point.z - 1.0) / 1.0).clamp(0.0, 1.0);
+            let cubic = t * t * (3.0 - 2.0 * t);
+            assert!((weight(row, 7) - cubic).abs() < 0.05, "{} {cubic}", weight(row, 7));
+        }
+    }
+
+    #[test]
+    fn pieces_without_a_known_row_are_named() {
+        let far = mapped(&icosphere(1), |p| p * 0.1 + glam::DVec3::X * 3.0);
+        let mesh = joined(&icosphere(2), &far);
+        let mut rows = vec![vec![(2, 2.0)]; mesh.vertex_count()];
+        let mut known = vec![false; mesh.vertex_count()];
+        known[5] = true;
+        known[170] = true;
+        rows[170].clear();
+        let found = run(&mesh, &rows, &known, &InpaintSettings::default());
+        assert_eq!(found.unreached, (162..204).collect::<Vec<u32>>());
+        assert!(found.rows[..162].iter().all(|row| row.len() == 1 && (row[0].1 - 1.0).abs() < 1e-12));
+    }
+
+    #[test]
+    fn known_rows_far_from_the_hole_keep_their_bits() {
+        let sphere = icosphere(4);
+        let rows: Vec<Row> = sphere
+            .vertices()
+            .iter()
+            .map(|p| normalized(vec![(0, 1.1 + p.z), (1, 1.0 + p.x * p.y)]))
+            .collect();
+        let known: Vec<bool> = sphere.vertices().iter().map(|p| p.x < 0.8).collect();
+        let found = run(&sphere, &rows, &known, &InpaintSettings::default());
+        for (v, point) in sphere.vertices().iter().enumerate().filter(|(_, p)| p.x < 0.5) {
+            assert_eq!(found.rows[v], normalized(rows[v].clone()), "{point}");
+        }
+        assert!(found.unreached.is_empty() && found.rows.iter().all(|row| !row.is_empty()));
+    }
+
+    #[test]
+    fn both_sides_of_a_seam_get_the_same_rows() {
+        // Two halves of a grid that only share positions along x = 0.5.
+        let half = mapped(&grid(8), |p| p * glam::DVec3::new(0.5, 1.0, 1.0));
+        let other = mapped(&half, |p| p + glam::DVec3::X * 0.5);
+        let mesh = joined(&half, &other);
+        let known: Vec<bool> = mesh.vertices().iter().map(|p| (p.x - 0.5).abs() > 0.3).collect();
+        let found = run(&mesh, &ramp(&mesh), &known, &InpaintSettings::default());
+        for (v, stand) in crate::mesh::weld_seams(&mesh).into_iter().enumerate() {
+            assert_eq!(found.rows[v], found.rows[stand as usize]);
+        }
+        assert!(found.unreached.is_empty());
+    }
+
+    #[test]
+    fn neither_order_nor_place_nor_scale_matters() {
+        let sphere = icosphere(3);
+        let rows: Vec<Row> =
+            sphere.vertices().iter().map(|p| normalized(vec![(0, 1.1 + p.z), (1, 1.0)])).collect();
+        let known: Vec<bool> = sphere.vertices().iter().map(|p| p.x < 0.3).collect();
+        let settings = InpaintSettings::default();
+        let found = run(&sphere, &rows, &known, &settings);
+        let (shuffled, new) = permuted(&sphere);
+        let (mut moved_rows, mut moved_known) = (rows.clone(), known.clone());
+        for (v, &n) in new.iter().enumerate() {
+            (moved_rows[n as usize], moved_known[n as usize]) = (rows[v].clone(), known[v]);
+        }
+        let again = run(&shuffled, &moved_rows, &moved_known, &settings);
+        for (v, &n) in new.iter().enumerate() {
+            assert!((weight(&found.rows[v], 0) - weight(&again.rows[n as usize], 0)).abs() < 1e-6);
+        }
+        for scale in [1e-2, 1e2] {
+            let motion = similarity(scale);
+            let again = run(&mapped(&sphere, |p| motion.transform_point3(p)), &rows, &known, &settings);
+            for (a, b) in found.rows.iter().zip(&again.rows) {
+                assert!((weight(a, 0) - weight(b, 0)).abs() < 1e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn a_cancelled_job_stops() {
+        let progress = Progress::new();
+        progress.cancel();
+        let mesh = icosphere(1);
+        let rows = vec![vec![(0, 1.0)]; mesh.vertex_count()];
+        let known = vec![true; mesh.vertex_count()];
+        let outcome = inpaint(&mesh, &rows, &known, &InpaintSettings::default(), &progress);
+        assert!(matches!(outcome, Err(SpectralError::Cancelled(_))));
+    }
+}

@@ -1,0 +1,190 @@
+//! Joints refined against the surfaces: the aligned skeleton is moved, turned and thickened so that
+//! the warped source meets the target.
+//!
+//! A Gauss-Newton fit of joint positions, turns about the bones and girths to point-to-plane
+//! distances (Chen and Medioni 1992; rigid parts as in Pauly et al. 2005 are replaced by the skin's
+//! own blend). How far joints may move is a matter of measurement: their given places count with
+//! an assumed error of a share of the height, the surfaces with the distances still left, bone by
+//! bone. Skeletons that are right stay, shapes that are far apart move nothing, and joints that
+//! were placed by eye find their place inside the limb.
+
+use glam::DVec3;
+
+use super::RetargetError;
+use super::differing_shapes::skeleton_shares;
+use super::icp::Surroundings;
+use super::joint_system::{self, Meeting, Trust, Unknowns, typical_distances};
+use super::parallel::map_indices;
+use super::warp::Warp;
+use crate::mesh::TriangleMesh;
+use crate::progress::Progress;
+use crate::rig::Skeleton;
+use crate::skinning::SkinWeights;
+
+/// Settings of the fit.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FitSettings {
+    /// Number of Gauss-Newton steps.
+    pub(super) steps: u32,
+    /// How many of them move joints only: turns and girths must not make up for joints that are
+    /// off.
+    pub(super) joint_steps: u32,
+    /// Assumed error of the given joints as a share of the character's extent.
+    pub(super) joint_error: f64,
+}
+
+impl Default for FitSettings {
+    fn default() -> Self {
+        Self { steps: 14, joint_steps: 6, joint_error: 0.025 }
+    }
+}
+
+/// Largest change of the logarithm of a girth in a step.
+const GIRTH_STEP: f64 = 0.2;
+/// Cosine of the largest angle between normals that may meet.
+const NORMALS: f64 = 0.5;
+
+/// A source and the skeleton that it is aligned to.
+pub(super) struct Alignment<'a> {
+    pub(super) source: Surroundings<'a>,
+    pub(super) skeleton: &'a Skeleton,
+    pub(super) weights: &'a SkinWeights,
+    pub(super) takes_part: &'a [bool],
+    /// Heads and tails in the target, bones numbered as in the source.
+    pub(super) aligned: Skeleton,
+    /// Logarithm of the ratio of girths (B).
+    pub(super) log_girths: Vec<f64>,
+    /// Turn about each aligned bone (B), radians.
+    pub(super) twists: Vec<f64>,
+}
+
+impl Alignment<'_> {
+    pub(super) fn warp(&self) -> Warp {
+        let girths: Vec<f64> = self.log_girths.iter().map(|&g| libm::exp(g)).collect();
+        Warp::new(self.skeleton, &self.aligned, self.takes_part, &girths, &self.twists)
+    }
+}
+
+/// Fits the alignment to the target's surface, whose size is `extent`. Returns how much each bone
+/// (B) should rely on the target's skeleton rather than on the source, see [`skeleton_shares`].
+///
+/// # Errors
+/// [`RetargetError::Cancelled`], [`RetargetError::Linalg`].
+pub(super) fn refine(
+    alignment: &mut Alignment<'_>,
+    target: Surroundings<'_>,
+    extent: f64,
+    settings: &FitSettings,
+    progress: &Progress,
+) -> Result<Vec<f64>, RetargetError> {
+    let unknowns = Unknowns::new(alignment.skeleton, &alignment.aligned, alignment.takes_part, extent);
+    let given = (alignment.aligned.clone(), alignment.log_girths.clone());
+    let mut before = Vec::new();
+    for step in 0..settings.steps {
+        let shares = [step, step + 1].map(|step| f64::from(step) / f64::from(settings.steps));
+        let warp = alignment.warp();
+        let points = warp.apply(alignment.source.mesh.vertices(), alignment.weights);
+        let meetings = meet(alignment, &points, target, shares, progress)?;
+        if before.is_empty() {
+            before = typical_distances(alignment.weights, &meetings);
+        }
+        let trust =
+            Trust { joint_error: settings.joint_error * extent, joints_only: step < settings.joint_steps };
+        let step = joint_system::step(alignment, &warp, &points, &meetings, &unknowns, trust);
+        let step = step.map_err(|error| RetargetError::Spectral { side: "target", error: error.into() })?;
+        update(alignment, &unknowns, &step);
+    }
+    let points = alignment.warp().apply(alignment.source.mesh.vertices(), alignment.weights);
+    let meetings = meet(alignment, &points, target, [1.0, 1.0], progress)?;
+    let after = typical_distances(alignment.weights, &meetings);
+    let helped: Vec<f64> =
+        before.iter().zip(&after).map(|(&before, &after)| share_kept(before, after)).collect();
+    keep(alignment, &unknowns, &given, &helped);
+    let points = alignment.warp().apply(alignment.source.mesh.vertices(), alignment.weights);
+    let meetings = meet(alignment, &points, target, [1.0, 1.0], progress)?;
+    let distances: Vec<Option<f64>> =
+        meetings.iter().map(|meeting| meeting.as_ref().map(|meeting| meeting.distance)).collect();
+    Ok(skeleton_shares(alignment, &points, &distances))
+}
+
+/// How much of the fit a bone keeps: all where it explains most of the distance between the
+/// surfaces, nothing where it does not, because the shapes differ in another way.
+fn share_kept(before: f64, after: f64) -> f64 {
+    const HELPED: f64 = 0.45;
+    const USELESS: f64 = 0.65;
+    let left = if before > 0.0 { after / before } else { 1.0 };
+    ((USELESS - left) / (USELESS - HELPED)).clamp(0.0, 1.0)
+}
+
+/// Takes back what did not help: turns and girths bone by bone, joints by the mean of their bones.
+fn keep(alignment: &mut Alignment<'_>, unknowns: &Unknowns, given: &(Skeleton, Vec<f64>), helped: &[f64]) {
+    let mut shares = vec![(0.0, 0.0); unknowns.joint_count()];
+    for bone in (0..helped.len()).filter(|&b| alignment.takes_part[b]) {
+        alignment.twists[bone] *= helped[bone];
+        let girth = &mut alignment.log_girths[bone];
+        *girth = given.1[bone] + (*girth - given.1[bone]) * helped[bone];
+        for joint in [unknowns.head(bone), unknowns.tail(bone)] {
+            shares[joint].0 += helped[bone];
+            shares[joint].1 += 1.0;
+        }
+    }
+    let back = |now: &[DVec3], then: &[DVec3], joint: &dyn Fn(usize) -> usize| -> Vec<DVec3> {
+        let place = |b: usize| {
+            let (sum, count) = shares[joint(b)];
+            if alignment.takes_part[b] && count > 0.0 { then[b].lerp(now[b], sum / count) } else { now[b] }
+        };
+        (0..now.len()).map(place).collect()
+    };
+    let (now, then) = (&alignment.aligned, &given.0);
+    let heads = back(now.heads(), then.heads(), &|b| unknowns.head(b));
+    let tails = back(now.tails(), then.tails(), &|b| unknowns.tail(b));
+    alignment.aligned = alignment.aligned.placed(heads, tails);
+}
+
+/// Closest points of the target for the warped vertices, those whose normals agree.
+fn meet(
+    alignment: &Alignment<'_>,
+    points: &[DVec3],
+    target: Surroundings<'_>,
+    shares: [f64; 2],
+    progress: &Progress,
+) -> Result<Vec<Option<Meeting>>, RetargetError> {
+    let source = alignment.source;
+    let moved = TriangleMesh::new(points.to_vec(), source.mesh.triangles().to_vec())
+        .map_err(|error| RetargetError::Mesh { side: "source", error })?;
+    let normals = source.shell.normals_of(&moved);
+    let find = |vertex: usize, (): &mut ()| {
+        if alignment.weights.row(vertex).0.is_empty() {
+            return None;
+        }
+        let closest = target.query.closest_point(points[vertex])?;
+        let (normal, both) = target.shell.normal_at(target.mesh, &closest);
+        let cosine = normal.dot(normals[vertex]);
+        let faces = if both || source.shell.two_sided[vertex] { cosine.abs() } else { cosine } > NORMALS;
+        // Skin beyond the edge of a garment has nothing to meet.
+        (faces && !target.shell.is_on_open_edge(target.mesh, &closest)).then(|| Meeting {
+            normal,
+            gap: normal.dot(closest.position - points[vertex]),
+            distance: closest.distance,
+        })
+    };
+    Ok(map_indices(points.len(), progress, shares, find)?)
+}
+
+/// Takes a step of the fit.
+fn update(alignment: &mut Alignment<'_>, unknowns: &Unknowns, step: &[f64]) {
+    let shifted = |points: &[DVec3], joint: &dyn Fn(usize) -> usize| -> Vec<DVec3> {
+        let shift = |(b, &point): (usize, &DVec3)| {
+            let at = 3 * joint(b);
+            if alignment.takes_part[b] { point + DVec3::from_slice(&step[at..at + 3]) } else { point }
+        };
+        points.iter().enumerate().map(shift).collect()
+    };
+    let heads = shifted(alignment.aligned.heads(), &|b| unknowns.head(b));
+    let tails = shifted(alignment.aligned.tails(), &|b| unknowns.tail(b));
+    alignment.aligned = alignment.aligned.placed(heads, tails);
+    for bone in 0..alignment.takes_part.len() {
+        alignment.twists[bone] += step[unknowns.twist(bone)];
+        alignment.log_girths[bone] += step[unknowns.girth(bone)].clamp(-GIRTH_STEP, GIRTH_STEP);
+    }
+}

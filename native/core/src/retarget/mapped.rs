@@ -1,0 +1,62 @@
+//! Retargeting between skeletons whose bones differ: the source skeleton is laid onto the target's
+//! rest positions, weights are found for it, and then go over the bone map to the target's bones.
+
+use super::{Character, RetargetError, Retargeted, Settings, by_method, pair_bones};
+use crate::progress::Progress;
+use crate::rig::{BoneMap, Skeleton, map_bones};
+use crate::skinning::SkinWeights;
+
+/// Gives the target the weights of the source.
+///
+/// Without landmarks both skeletons are needed, and landmarks are chosen on them. Where both
+/// skeletons are given, their bones are paired by [`map_bones`], unless `bone_map` is given.
+///
+/// # Errors
+/// [`RetargetError`]; nothing was changed.
+pub fn retarget_weights(
+    source: Character<'_>,
+    source_weights: &SkinWeights,
+    target: Character<'_>,
+    bone_map: Option<&BoneMap>,
+    landmarks: Option<&[[i64; 2]]>,
+    settings: &Settings,
+    progress: &Progress,
+) -> Result<Retargeted, RetargetError> {
+    let direct = || by_method(source, source_weights, target, landmarks, settings, progress);
+    let (Some(from), Some(to)) = (source.skeleton, target.skeleton) else {
+        return if bone_map.is_some() { Err(RetargetError::MapWithoutSkeletons) } else { direct() };
+    };
+    let found;
+    let bone_map = match bone_map {
+        Some(bone_map) => bone_map,
+        None if source_weights.bone_count() != from.bone_count() => return direct(),
+        None => {
+            found = map_bones(from, to)?;
+            if agrees(&found, &source_weights.used_bones(), from, to) {
+                return direct();
+            }
+            &found
+        }
+    };
+    let aligned = bone_map.aligned_skeleton(from, to)?;
+    let laid = Character { skeleton: Some(&aligned), ..target };
+    // A limit is of influences of the target's bones.
+    let unlimited = Settings { max_influences: None, ..settings.clone() };
+    let result = by_method(source, source_weights, laid, landmarks, &unlimited, progress)?;
+    let mut weights = bone_map.transfer(&result.weights, target.mesh.vertices(), to)?;
+    if let Some(count) = settings.max_influences {
+        weights = weights.limited(count);
+    }
+    Ok(Retargeted { weights: weights.normalized(), ..result })
+}
+
+/// Whether a map only pairs what equal names (or order, without names) pair, as far as weights go.
+fn agrees(bone_map: &BoneMap, carries_weight: &[bool], from: &Skeleton, to: &Skeleton) -> bool {
+    let Ok(pairs) = pair_bones(from, to, carries_weight) else {
+        return false;
+    };
+    let same = |(bone, pair): (usize, &Option<u32>)| {
+        !carries_weight[bone] || bone_map.targets(bone) == pair.as_slice()
+    };
+    pairs.iter().enumerate().all(same)
+}
