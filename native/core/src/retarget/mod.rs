@@ -32,6 +32,8 @@ mod rigid_fit;
 pub mod seams;
 pub mod shell;
 mod shepard;
+mod similarity;
+mod surface_weights;
 #[cfg(test)]
 mod test_surfaces;
 mod unclaimed;
