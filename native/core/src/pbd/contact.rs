@@ -84,6 +84,9 @@ pub(super) struct FoldPlane {
     pub strength: f32,
     /// Cosine of half the angle by which the joint is bent.
     pub half_cosine: f32,
+    /// How far the joint bends rather than twists, from 0 to 1, and 0 for straight joints: sin² of half
+    /// the bend over sin² of half the turn, times the strength.
+    pub bend_share: f32,
 }
 
 impl JointContact {
@@ -101,12 +104,23 @@ impl JointContact {
         let normal = (down - up).try_normalize()?;
         let inwards = up + down;
         let length = inwards.length();
+        let strength = ((length - STRAIGHT) / (BENT - STRAIGHT)).min(1.0);
         (length > STRAIGHT).then(|| FoldPlane {
             plane: ProjectionPlane { point: joint, normal },
             inwards: inwards / length,
-            strength: ((length - STRAIGHT) / (BENT - STRAIGHT)).min(1.0),
+            strength,
             half_cosine: (down - up).length() * 0.5,
+            bend_share: strength * self.bend_share(below, above),
         })
+    }
+
+    /// Share of the turn since rest that is not about the bone itself.
+    fn bend_share(&self, below: &Affine3A, above: &Affine3A) -> f32 {
+        let (_, turn, _) = (above.inverse() * *below).to_scale_rotation_translation();
+        let down = (self.down - self.joint).normalize_or_zero();
+        let bend = down.distance_squared(turn * down) * 0.25;
+        let whole = turn.xyz().length_squared();
+        if whole > f32::MIN_POSITIVE { (bend / whole).min(1.0) } else { 0.0 }
     }
 
     /// Where a candidate is relative to the plane and its own side.
@@ -278,8 +292,20 @@ mod tests {
         assert!(fold.plane.normal.distance(half) < 1e-6);
         assert!(fold.inwards.distance(Vec3::new(-half.y, half.x, 0.0)) < 1e-6);
         assert!((fold.half_cosine - 0.5f32.cos()).abs() < 1e-6);
+        assert!((fold.bend_share - 1.0).abs() < 1e-5);
         assert!(contact.fold_plane(&bent(0.0)).is_none(), "straight");
         assert!(contact.fold_plane(&[Affine3A::from_rotation_z(1.0); 2]).is_none(), "turned as a whole");
+    }
+
+    #[test]
+    fn a_twist_of_a_bent_joint_is_no_bend() {
+        let (mut contact, _) = contact();
+        contact.up = Vec3::new(-1.0, 1.0, 0.0);
+        let twisted = contact.fold_plane(&[Affine3A::IDENTITY, Affine3A::from_rotation_x(1.0)]).unwrap();
+        assert!(twisted.bend_share < 1e-5);
+        let both = Affine3A::from_rotation_z(0.5) * Affine3A::from_rotation_x(0.5);
+        let both = contact.fold_plane(&[Affine3A::IDENTITY, both]).unwrap();
+        assert!((0.4..0.6).contains(&both.bend_share), "{}", both.bend_share);
     }
 
     #[test]

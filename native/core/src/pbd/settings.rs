@@ -8,8 +8,9 @@ use super::PbdError;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Start {
-    /// Dual quaternions where the volume constraint is on, which measures best; without it linear
-    /// blending, so that what the other constraints do for the volume can be seen.
+    /// Dual quaternions where the volume constraint is on, half way to linear blending where a joint
+    /// bends, which measures best; without it linear blending, so that what the other constraints do
+    /// for the volume can be seen.
     #[default]
     Auto,
     /// Linear blend skinning, as in the paper. At twists near 180° it collapses to the axis.

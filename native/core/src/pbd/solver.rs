@@ -28,6 +28,8 @@ pub(super) struct Scratch {
     listed: bool,
     contact: ContactScratch,
     active: ActivePart,
+    /// Joints that bend: bone, parent, and how far the start is from linear blending.
+    bends: Vec<(u32, u32, f32)>,
     /// Batches with tetrahedra that are too flat.
     flat: Vec<u32>,
 }
@@ -66,7 +68,7 @@ pub(super) fn solve_island(
         scratch.folds.extend(island.cage_contacts.iter().map(|contact| contact.fold_plane(transforms)));
     }
     scratch.active.find(island, transforms, &scratch.folds);
-    start(island, settings, transforms, &scratch.active.inverse_masses, &mut scratch.particles);
+    start(island, settings, transforms, scratch);
     scratch.listed = false;
     for iteration in 0..settings.iterations {
         // Every second sweep runs backwards, so that no end of the island is always served last.
@@ -95,26 +97,55 @@ pub(super) fn solve_island(
 }
 
 /// The start state: particles skinned by their own weights.
-fn start(
-    island: &Island,
-    settings: &PbdSettings,
-    transforms: &[Affine3A],
-    inverse_masses: &[f32],
-    particles: &mut Vec<Particle>,
-) {
+fn start(island: &Island, settings: &PbdSettings, transforms: &[Affine3A], scratch: &mut Scratch) {
+    let Scratch { particles, folds, active, bends, .. } = scratch;
     let linear = match settings.start {
         Start::Linear => true,
         Start::DualQuaternion => false,
         Start::Auto => settings.volume <= 0.0,
     };
-    let skinning =
-        if linear { Skinning::linear(transforms) } else { Skinning::dual_quaternion(transforms, None) };
+    bends.clear();
+    if settings.start == Start::Auto && !linear {
+        let joints = island.cage_contacts.iter().zip(folds.iter());
+        bends.extend(joints.filter_map(|(contact, fold)| {
+            let share = BEND_LINEAR * fold.as_ref()?.bend_share;
+            (share > 0.0).then_some((contact.bone, contact.parent, share))
+        }));
+    }
+    let blended = Skinning::linear(transforms);
+    let skinning = if linear { blended.clone() } else { Skinning::dual_quaternion(transforms, None) };
     particles.clear();
-    particles.extend(island.rest.iter().zip(inverse_masses).enumerate().map(|(i, (&rest, &mass))| {
-        let skinned = skinning.vertex(rest, island.weights.row(i));
-        f32x4::new([skinned.x, skinned.y, skinned.z, mass])
-    }));
+    particles.extend(island.rest.iter().zip(&active.inverse_masses).enumerate().map(
+        |(i, (&rest, &mass))| {
+            let row = island.weights.row(i);
+            let mut skinned = skinning.vertex(rest, row);
+            let share = if mass > 0.0 { linear_share(row, bends) } else { 0.0 };
+            if share > 0.0 {
+                skinned = skinned.lerp(blended.vertex(rest, row), share);
+            }
+            f32x4::new([skinned.x, skinned.y, skinned.z, mass])
+        },
+    ));
     particles.push(f32x4::splat(0.0));
+}
+
+/// Where a joint bends, the start is half way from dual quaternions to linear blending, which sinks
+/// the inner side into the fold: contact then parts it no farther than touching. Dual quaternions
+/// alone leave a hole at the fold's root that nothing closes; linear blending alone overlaps so far
+/// that contact does not part it everywhere.
+const BEND_LINEAR: f32 = 0.5;
+
+/// How far a particle starts from linear blending: the joints that bend, as `(bone, parent, share)`,
+/// by their part in all the blending between two bones of its row.
+fn linear_share((bones, weights): (&[u32], &[f32]), bends: &[(u32, u32, f32)]) -> f32 {
+    if bones.len() < 2 || bends.is_empty() {
+        return 0.0;
+    }
+    let weight = |bone: u32| bones.iter().position(|&b| b == bone).map_or(0.0, |place| weights[place]);
+    let bent: f32 = bends.iter().map(|&(bone, parent, share)| weight(bone) * weight(parent) * share).sum();
+    let pairs = (0..weights.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
+    let all: f32 = pairs.map(|(i, j)| weights[i] * weights[j]).sum();
+    if bent > 0.0 { (bent / all).min(1.0) } else { 0.0 }
 }
 
 fn sweep_stretch(island: &Island, stiffness: f32, backwards: bool, scratch: &mut Scratch) {
