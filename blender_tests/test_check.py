@@ -123,6 +123,9 @@ def test_filled_vertices_need_no_check():
     vertices, faces = c.tube(9, 16, radius=0.6)
     target = c.mesh_object("Target", [*vertices, (1, 1, 0.2)], faces)
     c.retarget(source, target)
+    status = np.ones(147, np.uint8)
+    status[146] = 2
+    sys.modules[f"{MODULE}.blender.match_display"].keep_status(target, status)
     assert "dermis.select_problems" in draw("DERMIS_PT_retarget")
     assert bpy.ops.dermis.select_problems(category="FILLED") == {"FINISHED"}
     assert selected(source) == list(range(158)), "the source has no filled vertices and keeps its selection"

@@ -9,11 +9,16 @@ import bpy
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.retarget import FILLED, KEPT, MATCHED
+from ..core.retarget import FILLED, KEPT, MATCHED, PART
 
 ATTRIBUTE = "Dermis Match"
-# Linear colors: vertices that kept what they had, that were matched, that were filled in.
-COLORS = {KEPT: (0.2, 0.2, 0.2, 1.0), MATCHED: (0.02, 0.35, 0.6, 1.0), FILLED: (1.0, 0.35, 0.02, 1.0)}
+# Linear colors: vertices that kept what they had, that were matched, filled in, treated as a loose part.
+COLORS = {
+    KEPT: (0.2, 0.2, 0.2, 1.0),
+    MATCHED: (0.02, 0.35, 0.6, 1.0),
+    FILLED: (1.0, 0.35, 0.02, 1.0),
+    PART: (0.4, 0.05, 0.6, 1.0),
+}
 
 
 def keep_status(ob: bpy.types.Object, status: np.ndarray) -> None:

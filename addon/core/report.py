@@ -84,7 +84,12 @@ def _extras(values: list[TargetWeights]) -> list[str]:
     """Counts that are told only where there is something to count."""
     limited, seams = sum(value.limited for value in values), sum(value.seams for value in values)
     kept = sum(len(value.status) - len(value.replaced) for value in values)
-    extras = [(limited, "vertex limited", "vertices limited"), (seams, "seam vertex", "seam vertices")]
+    part = sum(value.part for value in values)
+    extras = [
+        (part, "of a loose part", "of loose parts"),
+        (limited, "vertex limited", "vertices limited"),
+        (seams, "seam vertex", "seam vertices"),
+    ]
     extras.append((kept, "vertex left as it was", "vertices left as they were"))
     return [counted(*extra) for extra in extras if extra[0]]
 

@@ -26,7 +26,9 @@ from .mirror import Mirror, blended, left_shares
 Method = Literal["auto", "paper"]
 
 # How a vertex got its weights, in `TargetWeights.status`.
-KEPT, MATCHED, FILLED = 0, 1, 2
+KEPT, MATCHED, FILLED, PART = 0, 1, 2, 3
+# The same for each code of `RetargetResult.status`; a closest point that passed no test counts as filled in.
+NATIVE_STATUS = np.array([MATCHED, FILLED, PART, FILLED], np.uint8)
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ class TargetWeights:
     Columns of `weights` are the target's bones; `replaced` (m,) are the vertices and `written` (B,)
     the bones that it holds for; `groups` are the bones that must have a group. Columns of `copied`
     are the target's copied groups. `status` (V,) tells how each vertex's weights were found;
-    matched and filled count the replaced vertices by it. influences is the most that one vertex
+    matched, filled and part count the replaced vertices by it. influences is the most that one vertex
     has, `limited` how many vertices had more; `seams` how many lie at a seam that was closed.
     """
 
@@ -85,6 +87,7 @@ class TargetWeights:
     status: npt.NDArray[np.uint8]
     matched: int
     filled: int
+    part: int
     landmarks: int
     influences: int
     limited: int
@@ -149,7 +152,7 @@ def find_weights(source: Source, target: Target, settings: RetargetSettings, pro
         mapping=mapping,
         weights=new,
         copied=_copied(source, target, found.correspondence),
-        status=np.where(found.matched, MATCHED, FILLED).astype(np.uint8),
+        status=NATIVE_STATUS[found.status],
         landmarks=len(found.landmarks),
     )
 
@@ -189,6 +192,7 @@ def fit_weights(target: Target, found: FoundWeights, settings: RetargetSettings,
         status=np.where(at, found.status, KEPT).astype(np.uint8),
         matched=int(np.count_nonzero(status == MATCHED)),
         filled=int(np.count_nonzero(status == FILLED)),
+        part=int(np.count_nonzero(status == PART)),
         landmarks=found.landmarks,
         influences=int(np.bincount(everything, minlength=1).max()),
         limited=merged.limited,

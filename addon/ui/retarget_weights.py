@@ -34,7 +34,7 @@ class DERMIS_OT_retarget_weights(RetargetOptions, ModalJobOperator, bpy.types.Op
     show_match: BoolProperty(
         name="Color Attribute",
         description="Show in the color attribute 'Dermis Match' which vertices were matched (blue), filled in "
-        "(orange) or left as they were (gray)",
+        "(orange), treated as loose parts (violet) or left as they were (gray)",
         default=False,
     )
 

@@ -131,7 +131,7 @@ def test_loose_parts_follow_the_nearest_surface():
     source, source_skeleton, weights = adult(1200)
     target, target_skeleton, _ = child(1200)
     plain = retarget_weights(
-        source, skin(weights), target, source_skeleton=source_skeleton, target_skeleton=target_skeleton
+        source, skin(weights), target, source_skeleton=source_skeleton, target_skeleton=target_skeleton, method="paper"
     )
     near = target.vertices[10]
     count = len(target.vertices)
@@ -142,7 +142,7 @@ def test_loose_parts_follow_the_nearest_surface():
         np.concatenate([target.triangles, [[count, count + 1, count + 2]]]),
     )
     result = retarget_weights(
-        source, skin(weights), mesh, source_skeleton=source_skeleton, target_skeleton=target_skeleton
+        source, skin(weights), mesh, source_skeleton=source_skeleton, target_skeleton=target_skeleton, method="paper"
     )
     assert result.matched[:count].all()
     assert not result.matched[count:].any()
@@ -155,7 +155,7 @@ def test_loose_parts_follow_the_nearest_surface():
 def test_a_seam_in_the_surface_does_not_matter():
     source, source_skeleton, weights = adult(1200)
     target, target_skeleton, _ = child(1200)
-    skeletons = {"source_skeleton": source_skeleton, "target_skeleton": target_skeleton}
+    skeletons = {"source_skeleton": source_skeleton, "target_skeleton": target_skeleton, "method": "paper"}
     plain = retarget_weights(source, skin(weights), target, **skeletons)
     # Cut the target in two along the plane of symmetry: vertices there are repeated.
     left = target.vertices[target.triangles].mean(axis=1)[:, 0] > 0
@@ -179,7 +179,7 @@ def test_unpainted_source_vertices_are_not_chosen():
     bare = weights.copy()
     bare[::3] = 0
     result = retarget_weights(
-        source, skin(bare), target, source_skeleton=source_skeleton, target_skeleton=target_skeleton
+        source, skin(bare), target, source_skeleton=source_skeleton, target_skeleton=target_skeleton, method="paper"
     )
     assert (result.correspondence % 3 != 0).all()
     assert np.abs(result.weights.to_dense().sum(axis=1) - 1).max() <= 1e-6

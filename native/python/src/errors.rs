@@ -55,6 +55,7 @@ pub(crate) fn retarget_error(error: dermis::retarget::RetargetError) -> PyErr {
         Error::Cancelled(cancelled) => Cancelled::new_err(cancelled.to_string()),
         Error::Spectral { .. } => NumericalError::new_err(error.to_string()),
         Error::BoneMap(error) => crate::bone_map::bone_map_error(error),
+        Error::Bind(error) => bind_error(error),
         Error::LandmarkOutOfRange { .. }
         | Error::WeightCounts { .. }
         | Error::Mesh { .. }

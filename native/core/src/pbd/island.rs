@@ -50,8 +50,8 @@ pub(super) struct Island {
     pub contacts: Vec<JointContact>,
     /// Surface vertices that follow the island, `local` in the order of this list.
     pub surface: Vec<SurfacePoint>,
-    /// Bones with weight on a particle, the heaviest first.
-    pub bones: Vec<u32>,
+    /// Bones with weight on a particle and the sums of their weights, the heaviest first.
+    pub bones: Vec<(u32, f64)>,
     /// Largest distance in the island; the scale of its coordinates.
     pub extent: f32,
 }
@@ -82,11 +82,11 @@ impl Island {
         [self.edges.len(), self.tetrahedra.len(), self.binds.len(), self.tetrahedra.len(), contacts]
     }
 
-    /// The frame that moves with the island's heaviest bone: rotation, uniform scale, translation.
-    /// `None` where the bone is flattened. In this frame the island is solved, so that it neither
-    /// notices where the character stands nor how large it is scaled.
+    /// The frame that moves with the heaviest part of the island: rotation, uniform scale,
+    /// translation. `None` where that part is flattened. In this frame the island is solved, so that
+    /// it neither notices where the character stands nor how large it is scaled.
     pub(super) fn frame(&self, transforms: &[Affine3A]) -> Option<Affine3A> {
-        let reference = &transforms[*self.bones.first()? as usize];
+        let reference = &transforms[heaviest_part(&self.bones, transforms, self.extent)? as usize];
         let m = &reference.matrix3;
         let determinant = m.determinant();
         let scale = determinant.abs().cbrt();
@@ -100,8 +100,25 @@ impl Island {
 
     /// True where no bone has moved relative to the frame, up to rounding.
     pub(super) fn is_at_rest(&self, local: &[Affine3A]) -> bool {
-        self.bones.iter().all(|&bone| is_still(&local[bone as usize], self.extent))
+        self.bones.iter().all(|&(bone, _)| is_still(&local[bone as usize], self.extent))
     }
+}
+
+/// A bone of the heaviest part that moves as one: when a wrist turns, that is the hand with all its
+/// fingers, so that less has moved relative to it than relative to the forearm. `bones` come with
+/// the sums of their weights, the heaviest first.
+fn heaviest_part(bones: &[(u32, f64)], transforms: &[Affine3A], extent: f32) -> Option<u32> {
+    // Bones that stand for those that move with them, inverse transforms, sums of weights.
+    let mut parts: Vec<(u32, Affine3A, f64)> = Vec::new();
+    for &(bone, weight) in bones {
+        let transform = transforms[bone as usize];
+        match parts.iter_mut().find(|(_, inverse, _)| is_still(&(*inverse * transform), extent)) {
+            Some((_, _, sum)) => *sum += weight,
+            None => parts.push((bone, transform.inverse(), weight)),
+        }
+    }
+    let heavier = |a: (u32, f64), b: (u32, f64)| if b.1 > a.1 { b } else { a };
+    parts.into_iter().map(|(bone, _, sum)| (bone, sum)).reduce(heavier).map(|(bone, _)| bone)
 }
 
 /// Relative motion below this is the rounding of f32 matrices.
@@ -118,4 +135,23 @@ pub(super) fn position(particle: Particle) -> Vec3 {
 pub(super) fn spring_lengths(corners: [DVec3; 4]) -> [f32; 4] {
     let centre = corners.iter().sum::<DVec3>() * 0.25;
     corners.map(|corner| corner.distance(centre) as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_moves_together_weighs_together() {
+        let bones = [(2, 5.0), (0, 3.0), (3, 2.5), (1, 1.0)];
+        let turned = Affine3A::from_rotation_z(0.5);
+        let part = |transforms: [Affine3A; 4]| heaviest_part(&bones, &transforms, 1.0);
+        let still = Affine3A::IDENTITY;
+        assert_eq!(part([still; 4]), Some(2));
+        assert_eq!(part([still, turned, turned, turned]), Some(2));
+        assert_eq!(part([still, still, turned, still]), Some(0), "6.5 against 5");
+        let flat = Affine3A::from_scale(Vec3::ZERO);
+        assert_eq!(part([flat, flat, still, flat]), Some(2), "what is flat moves with nothing");
+        assert_eq!(heaviest_part(&[], &[], 1.0), None);
+    }
 }

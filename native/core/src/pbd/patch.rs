@@ -310,7 +310,7 @@ fn build_island(
         stiffness_shares: Vec::new(),
         binds,
         surface,
-        bones: bones.into_iter().map(|entry| entry.0).collect(),
+        bones,
         extent: (high - low).length(),
         tetrahedra,
         rest,

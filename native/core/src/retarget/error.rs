@@ -2,7 +2,7 @@
 
 use crate::mesh::MeshError;
 use crate::progress::Cancelled;
-use crate::rig::BoneMapError;
+use crate::rig::{BindError, BoneMapError};
 use crate::spectral::SpectralError;
 
 /// A retarget that cannot be done. Nothing was changed.
@@ -102,9 +102,21 @@ pub enum RetargetError {
         /// What is wrong.
         error: SpectralError,
     },
+    /// The target could not be bound to the bones that the source lacks.
+    #[error("target: {0}")]
+    Bind(BindError),
     /// The work was asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+}
+
+impl From<BindError> for RetargetError {
+    fn from(error: BindError) -> Self {
+        match error {
+            BindError::Cancelled(cancelled) => cancelled.into(),
+            error => Self::Bind(error),
+        }
+    }
 }
 
 fn pairs(count: usize) -> String {

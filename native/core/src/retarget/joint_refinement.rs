@@ -2,11 +2,11 @@
 //! the warped source meets the target.
 //!
 //! A Gauss-Newton fit of joint positions, turns about the bones and girths to point-to-plane
-//! distances (Chen and Medioni 1992; rigid parts as in Pauly et al. 2005 are replaced by the skin's
-//! own blend). How far joints may move is a matter of measurement: their given places count with
-//! an assumed error of a share of the height, the surfaces with the distances still left, bone by
-//! bone. Skeletons that are right stay, shapes that are far apart move nothing, and joints that
-//! were placed by eye find their place inside the limb.
+//! distances (Chen and Medioni 1992). How far joints may move is a matter of measurement: their
+//! given places count with an assumed error of a share of the extent, the surfaces with the
+//! distances still left, bone by bone. What does not bring a bone's surfaces much nearer is taken
+//! back: joints that were placed by eye find their place inside the limb, and shapes that differ do
+//! not bend the skeleton.
 
 use glam::DVec3;
 

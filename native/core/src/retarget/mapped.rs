@@ -1,7 +1,9 @@
 //! Retargeting between skeletons whose bones differ: the source skeleton is laid onto the target's
 //! rest positions, weights are found for it, and then go over the bone map to the target's bones.
+//! Target bones that no source bone stands for get their share last.
 
-use super::{Character, RetargetError, Retargeted, Settings, by_method, pair_bones};
+use super::unclaimed::share_with_unclaimed;
+use super::{Character, Method, RetargetError, Retargeted, Settings, by_method, pair_bones};
 use crate::progress::Progress;
 use crate::rig::{BoneMap, Skeleton, map_bones};
 use crate::skinning::SkinWeights;
@@ -22,32 +24,42 @@ pub fn retarget_weights(
     settings: &Settings,
     progress: &Progress,
 ) -> Result<Retargeted, RetargetError> {
-    let direct = || by_method(source, source_weights, target, landmarks, settings, progress);
+    let by_method = |target, settings: &Settings| {
+        by_method(source, source_weights, target, landmarks, settings, progress)
+    };
     let (Some(from), Some(to)) = (source.skeleton, target.skeleton) else {
-        return if bone_map.is_some() { Err(RetargetError::MapWithoutSkeletons) } else { direct() };
+        return if bone_map.is_some() {
+            Err(RetargetError::MapWithoutSkeletons)
+        } else {
+            by_method(target, settings)
+        };
     };
     let found;
     let bone_map = match bone_map {
         Some(bone_map) => bone_map,
-        None if source_weights.bone_count() != from.bone_count() => return direct(),
+        None if source_weights.bone_count() != from.bone_count() => return by_method(target, settings),
         None => {
             found = map_bones(from, to)?;
-            if agrees(&found, &source_weights.used_bones(), from, to) {
-                return direct();
-            }
             &found
         }
     };
-    let aligned = bone_map.aligned_skeleton(from, to)?;
-    let laid = Character { skeleton: Some(&aligned), ..target };
     // A limit is of influences of the target's bones.
     let unlimited = Settings { max_influences: None, ..settings.clone() };
-    let result = by_method(source, source_weights, laid, landmarks, &unlimited, progress)?;
-    let mut weights = bone_map.transfer(&result.weights, target.mesh.vertices(), to)?;
-    if let Some(count) = settings.max_influences {
-        weights = weights.limited(count);
+    let mut result = if agrees(bone_map, &source_weights.used_bones(), from, to) {
+        by_method(target, &unlimited)?
+    } else {
+        let aligned = bone_map.aligned_skeleton(from, to)?;
+        let result = by_method(Character { skeleton: Some(&aligned), ..target }, &unlimited)?;
+        let weights = bone_map.transfer(&result.weights, target.mesh.vertices(), to)?;
+        Retargeted { weights, ..result }
+    };
+    if settings.method == Method::Auto {
+        result.weights = share_with_unclaimed(result.weights, bone_map, target.mesh, to, progress)?;
     }
-    Ok(Retargeted { weights: weights.normalized(), ..result })
+    if let Some(count) = settings.max_influences {
+        result.weights = result.weights.limited(count);
+    }
+    Ok(Retargeted { weights: result.weights.normalized(), ..result })
 }
 
 /// Whether a map only pairs what equal names (or order, without names) pair, as far as weights go.

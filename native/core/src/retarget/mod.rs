@@ -32,8 +32,11 @@ mod rigid_fit;
 pub mod seams;
 pub mod shell;
 mod shepard;
+mod similarity;
+mod surface_weights;
 #[cfg(test)]
 mod test_surfaces;
+mod unclaimed;
 mod warp;
 
 use crate::mesh::TriangleMesh;

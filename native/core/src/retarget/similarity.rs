@@ -1,0 +1,129 @@
+//! The plainest alignment: the source moved, turned and scaled as a whole. A garment on the body
+//! that wears it, or one body with two rigs, already lies where it belongs; bending it to another
+//! rig's idea of the joints would only do harm.
+
+use glam::DVec3;
+
+use super::icp::Surroundings;
+use super::parallel::map_indices;
+use super::rigid_fit::rigid_fit;
+use super::shell::median;
+use crate::mesh::SurfaceQuery;
+use crate::progress::{Cancelled, Progress};
+use crate::rig::Skeleton;
+
+/// Joints that agree to this share of the extent tell the place exactly.
+const EXACT: f64 = 1e-3;
+/// Rounds of closest points where joints do not,
+const ROUNDS: u32 = 30;
+/// which end when points move less than this share of the extent,
+const SETTLED: f64 = 1e-5;
+/// and do not begin where the surfaces are farther apart than this share: poses or shapes differ.
+const HOPELESS: f64 = 0.03;
+/// Most points of a round's fit come this near, as a multiple of the median distance.
+const NEAR: f64 = 3.0;
+
+/// The source's vertices after the similarity that takes its joints to the aligned ones, corrected
+/// by closest points of the target where the joints disagree, and whether they agree exactly.
+///
+/// # Errors
+/// [`Cancelled`] when `progress` was cancelled.
+pub(super) fn similar(
+    vertices: &[DVec3],
+    (skeleton, aligned): (&Skeleton, &Skeleton),
+    takes_part: &[bool],
+    target: Surroundings<'_>,
+    progress: &Progress,
+) -> Result<(Vec<DVec3>, bool), Cancelled> {
+    let bones = (0..takes_part.len()).filter(|&b| takes_part[b]);
+    let joints: Vec<(DVec3, DVec3)> = bones.map(|b| (skeleton.heads()[b], aligned.heads()[b])).collect();
+    let mut moved: Vec<DVec3> = vertices.to_vec();
+    let error = fit(&joints, &mut moved);
+    if error <= EXACT * target.shell.extent {
+        return Ok((moved, true));
+    }
+    for _ in 0..ROUNDS {
+        let found = map_indices(moved.len(), progress, [0.0, 0.0], |v, (): &mut ()| {
+            target.query.closest_point(moved[v]).map(|closest| (moved[v], closest.position))
+        })?;
+        let distance = |pair: &(DVec3, DVec3)| pair.0.distance(pair.1);
+        let typical = median(found.iter().flatten().map(distance).collect());
+        if typical > HOPELESS * target.shell.extent {
+            break;
+        }
+        let bound = NEAR * typical;
+        let near: Vec<(DVec3, DVec3)> =
+            found.into_iter().flatten().filter(|pair| distance(pair) <= bound).collect();
+        let before = moved.clone();
+        fit(&near, &mut moved);
+        let step = before.iter().zip(&moved).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        if step < SETTLED * target.shell.extent {
+            break;
+        }
+    }
+    Ok((moved, false))
+}
+
+/// Moves points by the similarity that best fits pairs, and returns the root mean square error.
+fn fit(pairs: &[(DVec3, DVec3)], points: &mut [DVec3]) -> f64 {
+    if pairs.is_empty() {
+        return f64::INFINITY;
+    }
+    let count = pairs.len() as f64;
+    let from = pairs.iter().map(|pair| pair.0).sum::<DVec3>() / count;
+    let to = pairs.iter().map(|pair| pair.1).sum::<DVec3>() / count;
+    let weighted: Vec<(DVec3, DVec3, f64)> = pairs.iter().map(|&(a, b)| (a, b, 1.0)).collect();
+    let rotation = rigid_fit(&weighted).rotation;
+    let spread: f64 = pairs.iter().map(|pair| pair.0.distance_squared(from)).sum();
+    let along: f64 = pairs.iter().map(|pair| (rotation * (pair.0 - from)).dot(pair.1 - to)).sum();
+    let scale = if spread > 0.0 && along > 0.0 { along / spread } else { 1.0 };
+    let place = |point: DVec3| to + rotation * (point - from) * scale;
+    points.iter_mut().for_each(|point| *point = place(*point));
+    (pairs.iter().map(|pair| place(pair.0).distance_squared(pair.1)).sum::<f64>() / count).sqrt()
+}
+
+/// Median distance of the target's vertices to a surface.
+///
+/// # Errors
+/// [`Cancelled`] when `progress` was cancelled.
+pub(super) fn distance_to(
+    query: &SurfaceQuery,
+    target: Surroundings<'_>,
+    progress: &Progress,
+) -> Result<f64, Cancelled> {
+    let vertices = target.mesh.vertices();
+    let found = map_indices(vertices.len(), progress, [0.0, 0.0], |v, (): &mut ()| {
+        query.closest_point(vertices[v]).map_or(f64::INFINITY, |closest| closest.distance)
+    })?;
+    Ok(median(found))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::shell::Shell;
+    use super::super::test_surfaces::{mapped, similarity, tube};
+    use super::*;
+
+    #[test]
+    fn joints_that_agree_tell_the_place_and_others_are_corrected() {
+        let source = mapped(&tube(0.4, 3.0, 24, 30), |p| p * DVec3::new(1.4, 1.0, 1.0));
+        let motion = similarity(3.0);
+        let target = mapped(&source, |p| motion.transform_point3(p));
+        let query = SurfaceQuery::new(&target).unwrap();
+        let shell = Shell::new(&target, &query, &Progress::new()).unwrap();
+        let around = Surroundings { mesh: &target, query: &query, shell: &shell };
+        let heads = vec![DVec3::ZERO, DVec3::new(0.2, 0.0, 1.0), DVec3::new(0.0, 0.3, 2.0)];
+        let skeleton = Skeleton::new(heads.clone(), heads.clone(), &[-1, 0, 1], None).unwrap();
+        for (slip, tolerance) in [(0.0, 1e-9), (0.05, 0.02)] {
+            let aligned: Vec<DVec3> =
+                heads.iter().map(|&p| motion.transform_point3(p + slip * p.yzx())).collect();
+            let aligned = Skeleton::new(aligned.clone(), aligned, &[-1, 0, 1], None).unwrap();
+            let moved =
+                similar(source.vertices(), (&skeleton, &aligned), &[true; 3], around, &Progress::new());
+            let (found, exact) = moved.unwrap();
+            assert_eq!(exact, slip == 0.0);
+            let worst = found.iter().map(|p| query.closest_point(*p).unwrap().distance).fold(0.0, f64::max);
+            assert!(worst < tolerance * 3.0, "{worst}");
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! The weights of a source that lies on the target: matched by closest points, filled where no
+//! match passes its tests, part by part.
+
+use glam::DVec3;
+use kdtree::KdTree;
+use kdtree::distance::squared_euclidean;
+use rayon::prelude::*;
+
+use super::auto::{mesh_error, spectral_error};
+use super::differing_shapes::mix_skeleton_weights;
+use super::icp::Surroundings;
+use super::inpaint::{InpaintSettings, Row};
+use super::joint_refinement::Alignment;
+use super::part_weights::{PartWeights, weigh_parts};
+use super::parts::{PartPolicy, SourceWeights, plan_parts};
+use super::rejection::{RejectionSettings, SurfaceMatch, match_surfaces};
+use super::shell::Shell;
+use super::{Origin, RetargetError};
+use crate::mesh::{SurfaceQuery, TriangleMesh};
+use crate::progress::Progress;
+use crate::skinning::SkinWeights;
+
+/// Inpainting reaches this far from accepted matches, as a share of the extent.
+const FAR_FROM_MATCHES: f64 = 0.02;
+
+/// What the target takes from the source, over the source's bones.
+pub(super) struct TakenOver {
+    /// One row for each target vertex, of sum 1.
+    pub(super) rows: Vec<Row>,
+    pub(super) origin: Vec<Origin>,
+    pub(super) matched: Vec<bool>,
+    /// Source vertex for each target vertex.
+    pub(super) correspondence: Vec<u32>,
+}
+
+/// Takes the weights of `source`, which lies on the target, over to it, with each bone's share of
+/// the skeleton's own weights. `tests` are those of the matches.
+pub(super) fn take_over(
+    (source, weights, tests): (&TriangleMesh, &SkinWeights, &RejectionSettings),
+    target: Surroundings<'_>,
+    (alignment, shares): (&Alignment<'_>, &[f64]),
+    progress: &Progress,
+) -> Result<TakenOver, RetargetError> {
+    progress.begin("Matching surfaces", 0.75, 0.9)?;
+    let query = SurfaceQuery::new(source).map_err(|error| mesh_error("source", error))?;
+    let shell = Shell::new(source, &query, progress)?;
+    let surface = Surroundings { mesh: source, query: &query, shell: &shell };
+    let spectral = |error| spectral_error("target", error);
+    let matches = match_surfaces(surface, target, tests, progress).map_err(spectral)?;
+    let accepted: Vec<bool> = matches.iter().map(|found| found.accepted).collect();
+    let depth = FAR_FROM_MATCHES * target.shell.extent;
+    let far = far_from_matches(target.mesh.vertices(), &accepted, depth);
+    let known: Vec<bool> = accepted.iter().zip(&far).map(|(accepted, far)| *accepted || *far).collect();
+    let rows: Vec<Row> = matches.iter().map(|found| blend(found, source, weights)).collect();
+
+    progress.begin("Filling weights", 0.9, 1.0)?;
+    let source_rows: Vec<Row> = (0..source.vertex_count())
+        .map(|v| weights.entries(v).map(|(bone, weight)| (bone, f64::from(weight))).collect())
+        .collect();
+    let placed = SourceWeights { surface, rows: &source_rows };
+    let parts = plan_parts(target.mesh, &accepted, placed, PartPolicy::Auto);
+    let filling = InpaintSettings::default();
+    let mut filled =
+        weigh_parts(target.mesh, &parts, &rows, &known, placed, &filling, progress).map_err(spectral)?;
+    let origin = origins(&filled, &accepted);
+    mix_skeleton_weights(&mut filled.rows, target.mesh.vertices(), alignment, shares, |v| {
+        origin[v] != Origin::Part
+    });
+    Ok(TakenOver {
+        rows: filled.rows,
+        matched: origin.iter().map(|&origin| origin == Origin::Matched).collect(),
+        origin,
+        correspondence: matches.iter().map(|found| nearest(found, source)).collect(),
+    })
+}
+
+/// Weights of the source at a match.
+fn blend(found: &SurfaceMatch, mesh: &TriangleMesh, weights: &SkinWeights) -> Row {
+    let mut row = Row::new();
+    for (&corner, share) in mesh.triangles()[found.triangle as usize].iter().zip(found.barycentric) {
+        let total = weights.total(corner as usize);
+        for (bone, weight) in weights.entries(corner as usize) {
+            let part = share * f64::from(weight) / total;
+            match row.binary_search_by_key(&bone, |entry| entry.0) {
+                Ok(at) => row[at].1 += part,
+                Err(at) => row.insert(at, (bone, part)),
+            }
+        }
+    }
+    row
+}
+
+/// Corner of the matched triangle that is nearest to the match.
+fn nearest(found: &SurfaceMatch, mesh: &TriangleMesh) -> u32 {
+    let shares = found.barycentric;
+    let largest = (0..3).rev().max_by(|&a, &b| shares[a].total_cmp(&shares[b])).unwrap_or(0);
+    mesh.triangles()[found.triangle as usize][largest]
+}
+
+/// Vertices without an accepted match that have none within `depth` of them either: there is
+/// nothing to inpaint from, and the closest point of the source is the better guess.
+fn far_from_matches(vertices: &[DVec3], accepted: &[bool], depth: f64) -> Vec<bool> {
+    let mut tree = KdTree::new(3);
+    for (vertex, point) in vertices.iter().enumerate().filter(|(vertex, _)| accepted[*vertex]) {
+        // Coordinates of a mesh are finite, so adding them cannot fail.
+        let _ = tree.add(point.to_array(), vertex);
+    }
+    let is_far = |(point, accepted): (&DVec3, &bool)| {
+        let nearest = tree.nearest(&point.to_array(), 1, &squared_euclidean);
+        !accepted && nearest.is_ok_and(|found| found.first().is_none_or(|found| found.0 > depth * depth))
+    };
+    vertices.par_iter().zip(accepted).map(is_far).collect()
+}
+
+fn origins(filled: &PartWeights, accepted: &[bool]) -> Vec<Origin> {
+    let origin = |accepted: &bool| if *accepted { Origin::Matched } else { Origin::Nearest };
+    let mut origin: Vec<Origin> = accepted.iter().map(origin).collect();
+    filled.inpainted.iter().for_each(|&v| origin[v as usize] = Origin::Inpainted);
+    for part in filled.parts.iter().filter(|part| part.policy != PartPolicy::Match) {
+        part.vertices.iter().for_each(|&v| origin[v as usize] = Origin::Part);
+    }
+    origin
+}
