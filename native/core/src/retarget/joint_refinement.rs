@@ -114,8 +114,8 @@ pub(super) fn refine(
 /// How much of the fit a bone keeps: all where it explains most of the distance between the
 /// surfaces, nothing where it does not, because the shapes differ in another way.
 fn share_kept(before: f64, after: f64) -> f64 {
-    const HELPED: f64 = 0.45;
-    const USELESS: f64 = 0.65;
+    const HELPED: f64 = 0.4;
+    const USELESS: f64 = 0.55;
     let left = if before > 0.0 { after / before } else { 1.0 };
     ((USELESS - left) / (USELESS - HELPED)).clamp(0.0, 1.0)
 }
@@ -165,7 +165,7 @@ fn meet(
         let (normal, both) = target.shell.normal_at(target.mesh, &closest);
         let cosine = normal.dot(normals[vertex]);
         let cosine = if both || source.shell.two_sided[vertex] { cosine.abs() } else { cosine };
-        let agreement = ((cosine - NORMALS) / (1.0 - NORMALS)).clamp(0.0, 1.0);
+        let agreement = ((cosine - NORMALS) / (0.4 * (1.0 - NORMALS))).clamp(0.0, 1.0);
         // Skin beyond the edge of a garment has nothing to meet.
         (agreement > 0.0 && !target.shell.is_on_open_edge(target.mesh, &closest)).then(|| Meeting {
             normal,

@@ -16,7 +16,7 @@ const NO_TWIST: f64 = 0.1;
 /// How firmly a step holds the girth.
 const GIRTH_DAMPING: f64 = 0.02;
 /// A bone that fewer points belong to stays as it is.
-const FEW: usize = 30;
+const FEW: usize = 12;
 /// What holds it.
 const HELD: f64 = 1e3;
 /// Points farther than this multiple of a bone's median distance do not count.
@@ -94,7 +94,7 @@ pub(super) struct Meeting {
     pub(super) normal: DVec3,
     pub(super) gap: f64,
     pub(super) distance: f64,
-    /// 0 where the normals differ most, 1 where they are equal.
+    /// 0 where the normals differ most, 1 where they agree.
     pub(super) agreement: f64,
 }
 
