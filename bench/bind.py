@@ -76,6 +76,7 @@ def figures(it):
 
 
 def main():
+    """Print the table and write the report."""
     bodies = {name: lambda name=name: character(name) for name in BODIES}
     if characters.SHARED.is_dir():
         bodies |= {name: lambda name=name: characters.shared(name) for name in OTHERS}

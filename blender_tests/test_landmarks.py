@@ -155,8 +155,11 @@ def test_landmarks_are_used(pair, monkeypatch):
         return original(*arguments, landmarks=landmarks, **options)
 
     monkeypatch.setattr(module, "retarget_weights", watched)
-    assert c.retarget(source, target) == {"FINISHED"}
-    assert [tuple(row) for row in received[0].tolist()] == given
+    # The paper's method uses the user's pairs alone, the other one adds its own.
+    assert c.retarget(source, target, method="PAPER") == {"FINISHED"}
     assert "5 landmarks" in target.dermis_retarget.result
+    assert c.retarget(source, target) == {"FINISHED"}
+    for pairs in received:
+        assert [tuple(row) for row in pairs.tolist()] == given
     assert c.retarget(source, target, use_landmarks=False) == {"FINISHED"}
-    assert received[1] is None
+    assert received[2] is None

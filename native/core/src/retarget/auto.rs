@@ -24,10 +24,12 @@ use crate::spectral::SpectralError;
 /// What a landmark of the user weighs; automatic ones weigh some tens.
 const USER_WEIGHT: f64 = 3000.0;
 
-/// The alignment of the skeletons must bring the surfaces this much nearer than moving the source
-/// as a whole does,
+/// The source fits as a whole where the surfaces then lie within this share of the extent and the
+/// alignment of the skeletons does not bring them nearer by
+const COINCIDE: f64 = 0.003;
+/// this factor,
 const MUST_SHRINK: f64 = 0.5;
-/// unless both have one skeleton and lie within this share of the extent: a garment on its wearer.
+/// or where both have one skeleton and lie within this share: a garment on its wearer.
 const WORN: f64 = 0.01;
 
 /// Tests of matches for garments, whose folds and distance say little.
@@ -149,7 +151,8 @@ fn as_a_whole(
     let left = distance_to(&warped_query, target, progress)?;
     let off = distance_to(&whole_query, target, progress)?;
     let worn = one_skeleton && off <= WORN * target.shell.extent;
-    Ok((worn || left >= MUST_SHRINK * off).then_some((whole, worn)))
+    let coincide = off <= COINCIDE * target.shell.extent && left >= MUST_SHRINK * off;
+    Ok((worn || coincide).then_some((whole, worn)))
 }
 
 /// The source warped onto the target's skeleton and deformed onto its surface.

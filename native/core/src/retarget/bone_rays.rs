@@ -56,7 +56,8 @@ pub(super) fn shoot(
             let origin = skeleton.heads()[b] + along * station;
             let goal = aligned.heads()[b] + (aligned.tails()[b] - aligned.heads()[b]) * station;
             for k in 0..fan.directions {
-                let angle = std::f64::consts::TAU * f64::from(k) / f64::from(fan.directions);
+                // Off the plane of symmetry, where rays meet edges and rounding decides.
+                let angle = std::f64::consts::TAU * (f64::from(k) + 0.3) / f64::from(fan.directions);
                 let direction = frame * DVec3::new(libm::cos(angle), libm::sin(angle), 0.0);
                 let Some(on_source) = exit(source, origin, direction) else { continue };
                 if own_weight(source.mesh, weights, on_source.triangle, b as u32) < OWN_WEIGHT {

@@ -18,11 +18,11 @@ use crate::rig::{bind_weights_paper, distance_to_segment};
 /// Distance left, relative to the radius, up to which shapes are alike,
 const ALIKE: f64 = 0.07;
 /// and from which on they differ altogether.
-const DIFFERENT: f64 = 0.13;
+const DIFFERENT: f64 = 0.12;
 /// A bone's shape differs at most by this multiple of what is usual for the pair.
 const UNUSUAL: f64 = 1.5;
 /// Share of the skeleton's weights where shapes differ altogether.
-const SHARE: f64 = 0.25;
+const SHARE: f64 = 0.35;
 
 /// Share of the skeleton's weights for every bone (B).
 ///

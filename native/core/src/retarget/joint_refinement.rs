@@ -39,8 +39,12 @@ impl Default for FitSettings {
     }
 }
 
-/// Largest change of the logarithm of a girth in a step.
+/// Largest change of the logarithm of a girth in a step, and in all.
 const GIRTH_STEP: f64 = 0.2;
+const GIRTH_LIMIT: f64 = 0.6;
+/// Largest turn about a bone in a step, and in all, in radians.
+const TWIST_STEP: f64 = 0.15;
+const TWIST_LIMIT: f64 = 0.6;
 /// Cosine of the largest angle between normals that may meet.
 const NORMALS: f64 = 0.5;
 
@@ -92,7 +96,7 @@ pub(super) fn refine(
             Trust { joint_error: settings.joint_error * extent, joints_only: step < settings.joint_steps };
         let step = joint_system::step(alignment, &warp, &points, &meetings, &unknowns, trust);
         let step = step.map_err(|error| RetargetError::Spectral { side: "target", error: error.into() })?;
-        update(alignment, &unknowns, &step);
+        update(alignment, &unknowns, &step, &given.1);
     }
     let points = alignment.warp().apply(alignment.source.mesh.vertices(), alignment.weights);
     let meetings = meet(alignment, &points, target, [1.0, 1.0], progress)?;
@@ -110,8 +114,8 @@ pub(super) fn refine(
 /// How much of the fit a bone keeps: all where it explains most of the distance between the
 /// surfaces, nothing where it does not, because the shapes differ in another way.
 fn share_kept(before: f64, after: f64) -> f64 {
-    const HELPED: f64 = 0.45;
-    const USELESS: f64 = 0.65;
+    const HELPED: f64 = 0.4;
+    const USELESS: f64 = 0.55;
     let left = if before > 0.0 { after / before } else { 1.0 };
     ((USELESS - left) / (USELESS - HELPED)).clamp(0.0, 1.0)
 }
@@ -160,19 +164,21 @@ fn meet(
         let closest = target.query.closest_point(points[vertex])?;
         let (normal, both) = target.shell.normal_at(target.mesh, &closest);
         let cosine = normal.dot(normals[vertex]);
-        let faces = if both || source.shell.two_sided[vertex] { cosine.abs() } else { cosine } > NORMALS;
+        let cosine = if both || source.shell.two_sided[vertex] { cosine.abs() } else { cosine };
+        let agreement = ((cosine - NORMALS) / (0.4 * (1.0 - NORMALS))).clamp(0.0, 1.0);
         // Skin beyond the edge of a garment has nothing to meet.
-        (faces && !target.shell.is_on_open_edge(target.mesh, &closest)).then(|| Meeting {
+        (agreement > 0.0 && !target.shell.is_on_open_edge(target.mesh, &closest)).then(|| Meeting {
             normal,
             gap: normal.dot(closest.position - points[vertex]),
             distance: closest.distance,
+            agreement,
         })
     };
     Ok(map_indices(points.len(), progress, shares, find)?)
 }
 
 /// Takes a step of the fit.
-fn update(alignment: &mut Alignment<'_>, unknowns: &Unknowns, step: &[f64]) {
+fn update(alignment: &mut Alignment<'_>, unknowns: &Unknowns, step: &[f64], given_girths: &[f64]) {
     let shifted = |points: &[DVec3], joint: &dyn Fn(usize) -> usize| -> Vec<DVec3> {
         let shift = |(b, &point): (usize, &DVec3)| {
             let at = 3 * joint(b);
@@ -184,7 +190,11 @@ fn update(alignment: &mut Alignment<'_>, unknowns: &Unknowns, step: &[f64]) {
     let tails = shifted(alignment.aligned.tails(), &|b| unknowns.tail(b));
     alignment.aligned = alignment.aligned.placed(heads, tails);
     for bone in 0..alignment.takes_part.len() {
-        alignment.twists[bone] += step[unknowns.twist(bone)];
-        alignment.log_girths[bone] += step[unknowns.girth(bone)].clamp(-GIRTH_STEP, GIRTH_STEP);
+        let twist = &mut alignment.twists[bone];
+        *twist += step[unknowns.twist(bone)].clamp(-TWIST_STEP, TWIST_STEP);
+        *twist = twist.clamp(-TWIST_LIMIT, TWIST_LIMIT);
+        let girth = &mut alignment.log_girths[bone];
+        *girth += step[unknowns.girth(bone)].clamp(-GIRTH_STEP, GIRTH_STEP);
+        *girth = girth.clamp(given_girths[bone] - GIRTH_LIMIT, given_girths[bone] + GIRTH_LIMIT);
     }
 }

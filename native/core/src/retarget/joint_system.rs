@@ -15,6 +15,10 @@ const LEAST_PRIOR: f64 = 0.01;
 const NO_TWIST: f64 = 0.1;
 /// How firmly a step holds the girth.
 const GIRTH_DAMPING: f64 = 0.02;
+/// A bone that fewer points belong to stays as it is.
+const FEW: usize = 12;
+/// What holds it.
+const HELD: f64 = 1e3;
 /// Points farther than this multiple of a bone's median distance do not count.
 const TRIM: f64 = 3.0;
 
@@ -90,6 +94,8 @@ pub(super) struct Meeting {
     pub(super) normal: DVec3,
     pub(super) gap: f64,
     pub(super) distance: f64,
+    /// 0 where the normals differ most, 1 where they agree.
+    pub(super) agreement: f64,
 }
 
 /// What may move in a step and how far.
@@ -115,9 +121,11 @@ pub(super) fn step(
 ) -> Result<Vec<f64>, LinalgError> {
     let mut system = System::new(unknowns);
     let typical = typical_distances(alignment.weights, meetings);
+    let points_of = points_of_bones(alignment.weights, meetings);
     let mut row = Vec::new();
     for (vertex, meeting) in meetings.iter().enumerate() {
         let Some(bone) = largest_bone(alignment.weights, vertex) else { continue };
+        let few = points_of[bone as usize] < FEW;
         let typical = typical[bone as usize];
         let Some(meeting) = meeting.as_ref().filter(|m| m.distance <= TRIM * typical) else { continue };
         row.clear();
@@ -126,11 +134,13 @@ pub(super) fn step(
             row.retain(|entry| entry.0 < 3 * unknowns.given.len());
         }
         let share = if typical > 0.0 { meeting.distance / (2.0 * typical) } else { 0.0 };
-        let weight = 1.0 / (1.0 + share * share);
-        let doubt = LEAST_PRIOR + (typical / trust.joint_error).powi(2);
+        // Both fade out, so that no single point decides.
+        let fading = 1.0 - (2.0 * share / TRIM).powi(2);
+        let weight = fading * fading * meeting.agreement / (1.0 + share * share);
+        let doubt = if few { HELD } else { LEAST_PRIOR + (typical / trust.joint_error).powi(2) };
         system.add_row(&row, weight, meeting.gap, doubt);
     }
-    system.add_priors(alignment, unknowns);
+    system.add_priors(alignment, unknowns, &points_of);
     system.solve()
 }
 
@@ -140,6 +150,17 @@ pub(super) fn largest_bone(weights: &SkinWeights, vertex: usize) -> Option<u32> 
         .entries(vertex)
         .reduce(|best, entry| if entry.1 > best.1 { entry } else { best })
         .map(|entry| entry.0)
+}
+
+/// Number of meetings of every bone (B), by each vertex's largest weight.
+fn points_of_bones(weights: &SkinWeights, meetings: &[Option<Meeting>]) -> Vec<usize> {
+    let mut counts = vec![0; weights.bone_count()];
+    for vertex in (0..meetings.len()).filter(|&v| meetings[v].is_some()) {
+        if let Some(bone) = largest_bone(weights, vertex) {
+            counts[bone as usize] += 1;
+        }
+    }
+    counts
 }
 
 /// Median distance of the meetings of every bone (B), by each vertex's largest weight.
@@ -216,7 +237,7 @@ impl System {
         }
     }
 
-    fn add_priors(&mut self, alignment: &Alignment<'_>, unknowns: &Unknowns) {
+    fn add_priors(&mut self, alignment: &Alignment<'_>, unknowns: &Unknowns, points_of: &[usize]) {
         let joints = 3 * unknowns.given.len();
         // A joint's prior is the same in every direction.
         for joint in self.prior[..joints].as_chunks_mut::<3>().0 {
@@ -236,8 +257,9 @@ impl System {
         }
         for bone in 0..unknowns.bone_count {
             let (twist, girth) = (unknowns.twist(bone), unknowns.girth(bone));
-            self.prior[twist] = NO_TWIST * self.normal[twist * self.count + twist];
-            self.prior[girth] = GIRTH_DAMPING * self.normal[girth * self.count + girth];
+            let firm = |usual: f64| if points_of[bone] < FEW { HELD } else { usual };
+            self.prior[twist] = firm(NO_TWIST) * self.normal[twist * self.count + twist];
+            self.prior[girth] = firm(GIRTH_DAMPING) * self.normal[girth * self.count + girth];
             self.pull[twist] = -alignment.twists[bone];
         }
     }

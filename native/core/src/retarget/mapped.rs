@@ -53,7 +53,8 @@ pub fn retarget_weights(
         let weights = bone_map.transfer(&result.weights, target.mesh.vertices(), to)?;
         Retargeted { weights, ..result }
     };
-    if settings.method == Method::Auto {
+    // A map made by hand is taken as it is.
+    if settings.method == Method::Auto && !bone_map.is_by_hand() {
         result.weights = share_with_unclaimed(result.weights, bone_map, target.mesh, to, progress)?;
     }
     if let Some(count) = settings.max_influences {

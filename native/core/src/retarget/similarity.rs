@@ -115,8 +115,10 @@ mod tests {
         let heads = vec![DVec3::ZERO, DVec3::new(0.2, 0.0, 1.0), DVec3::new(0.0, 0.3, 2.0)];
         let skeleton = Skeleton::new(heads.clone(), heads.clone(), &[-1, 0, 1], None).unwrap();
         for (slip, tolerance) in [(0.0, 1e-9), (0.05, 0.02)] {
-            let aligned: Vec<DVec3> =
-                heads.iter().map(|&p| motion.transform_point3(p + slip * p.yzx())).collect();
+            let aligned: Vec<DVec3> = heads
+                .iter()
+                .map(|&p| motion.transform_point3(p + slip * DVec3::new(p.y, p.z, p.x)))
+                .collect();
             let aligned = Skeleton::new(aligned.clone(), aligned, &[-1, 0, 1], None).unwrap();
             let moved =
                 similar(source.vertices(), (&skeleton, &aligned), &[true; 3], around, &Progress::new());

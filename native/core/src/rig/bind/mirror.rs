@@ -9,6 +9,7 @@ use glam::DVec3;
 use super::body::Body;
 use super::labels::{Row, scale_to_one};
 use super::skeleton_length;
+use crate::rig::Skeleton;
 
 /// A bone's mirror image may miss its partner by this share of the skeleton's length.
 const TOLERANCE: f64 = 0.01;
@@ -16,6 +17,8 @@ const TOLERANCE: f64 = 0.01;
 const MIRRORED: f64 = 0.75;
 /// On each side of the plane a weight fades over this share of the character's length.
 const FADE: f64 = 0.01;
+/// Siblings fade over at most this share of the distance between them.
+const NARROW: f64 = 0.1;
 /// Where less than this would be left of a row, the row stays.
 const SMALLEST_REST: f64 = 1e-3;
 
@@ -36,28 +39,35 @@ impl Plane {
     }
 }
 
-/// Fades weights across the mirror plane of the bones that take part, if they have one.
-pub(super) fn keep_sides(body: &Body, rows: &mut [Row], takes_part: &[bool]) {
+/// What a bone keeps to: its side of a plane, 1 or -1, and how far it fades on each side.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Side {
+    plane: Plane,
+    sign: f64,
+    width: f64,
+}
+
+/// Fades weights across the mirror plane of the bones that take part. Where they have none, as in
+/// a character that is posed, siblings that are mirrored about their parent keep apart.
+pub(super) fn keep_sides(body: &Body, rows: &mut [Row], skeleton: &Skeleton, takes_part: &[bool]) {
     let bones: Vec<(usize, [DVec3; 2])> = (0..takes_part.len())
         .filter(|&bone| takes_part[bone])
         .map(|bone| (bone, [body.heads[bone], body.tails[bone]]))
         .collect();
     let tolerance = TOLERANCE * skeleton_length(&body.heads, &body.tails, takes_part);
-    let Some(plane) = mirror_plane(&bones, tolerance) else { return };
-    let mut sides = vec![0.0; takes_part.len()];
-    for (bone, ends) in &bones {
-        // A bone in the middle is its own image and has no side.
-        let heights = ends.map(|end| plane.height(end));
-        let is_aside = image(&plane, ends, &bones, tolerance).is_some_and(|partner| partner != *bone);
-        if is_aside && heights[0] * heights[1] > 0.0 {
-            sides[*bone] = heights[0].signum();
-        }
-    }
     let width = FADE * body.length;
+    let sides = match mirror_plane(&bones, tolerance) {
+        Some(plane) => mirrored_sides(plane, width, &bones, takes_part.len(), tolerance),
+        None => sibling_sides(body, skeleton, &bones, width, tolerance),
+    };
+    if sides.iter().all(Option::is_none) {
+        return;
+    }
     for (row, &vertex) in rows.iter_mut().zip(body.mesh.vertices()) {
-        let height = plane.height(vertex);
-        let faded =
-            row.iter().map(|&(bone, weight)| (bone, weight * share(sides[bone as usize] * height / width)));
+        let share = |bone: u32| {
+            sides[bone as usize].map_or(1.0, |side| share(side.sign * side.plane.height(vertex) / side.width))
+        };
+        let faded = row.iter().map(|&(bone, weight)| (bone, weight * share(bone)));
         let mut faded: Row = faded.filter(|entry| entry.1 > 0.0).collect();
         if faded.iter().map(|entry| entry.1).sum::<f64>() > SMALLEST_REST {
             scale_to_one(&mut faded);
@@ -66,11 +76,64 @@ pub(super) fn keep_sides(body: &Body, rows: &mut [Row], takes_part: &[bool]) {
     }
 }
 
-/// 1 on the bone's own side, 0 on the other, smooth in between; a bone in the middle has no side.
-fn share(height: f64) -> f64 {
-    if height == 0.0 {
-        return 1.0;
+/// Side of a bone that lies wholly on one side of a plane.
+fn side(plane: Plane, width: f64, ends: &[DVec3; 2]) -> Option<Side> {
+    let heights = ends.map(|end| plane.height(end));
+    (heights[0] * heights[1] > 0.0).then_some(Side { plane, sign: heights[0].signum(), width })
+}
+
+/// Sides of the bones (B) that have an image in the plane; a bone in the middle is its own.
+fn mirrored_sides(
+    plane: Plane,
+    width: f64,
+    bones: &[(usize, [DVec3; 2])],
+    bone_count: usize,
+    tolerance: f64,
+) -> Vec<Option<Side>> {
+    let mut sides = vec![None; bone_count];
+    for (bone, ends) in bones {
+        if image(&plane, ends, bones, tolerance).is_some_and(|partner| partner != *bone) {
+            sides[*bone] = side(plane, width, ends);
+        }
     }
+    sides
+}
+
+/// Sides of the bones (B) that have a sibling of the same length, their parent being in the middle.
+fn sibling_sides(
+    body: &Body,
+    skeleton: &Skeleton,
+    bones: &[(usize, [DVec3; 2])],
+    width: f64,
+    tolerance: f64,
+) -> Vec<Option<Side>> {
+    let mut sides = vec![None; skeleton.bone_count()];
+    for (bone, ends) in bones {
+        let Some(parent) = skeleton.parents()[*bone] else { continue };
+        let middle = [body.heads[parent as usize], body.tails[parent as usize]];
+        let planes =
+            bones.iter().filter(|(other, _)| other != bone && skeleton.parents()[*other] == Some(parent));
+        let plane = planes
+            .filter_map(|(_, other)| bisector(ends, other, tolerance))
+            .find(|(plane, _)| middle.iter().all(|&end| plane.height(end).abs() < tolerance));
+        sides[*bone] = plane.and_then(|(plane, gap)| side(plane, width.min(NARROW * gap), ends));
+    }
+    sides
+}
+
+/// The plane between the heads of two bones of one length, and the distance of the heads.
+fn bisector(one: &[DVec3; 2], other: &[DVec3; 2], tolerance: f64) -> Option<(Plane, f64)> {
+    let between = one[0] - other[0];
+    let gap = between.length();
+    let same_length = (one[0].distance(one[1]) - other[0].distance(other[1])).abs() < tolerance;
+    (gap >= 4.0 * tolerance && same_length).then(|| {
+        let normal = between / gap;
+        (Plane { normal, offset: normal.dot((one[0] + other[0]) * 0.5) }, gap)
+    })
+}
+
+/// 1 on the bone's own side, 0 on the other, smooth in between.
+fn share(height: f64) -> f64 {
     let t = (0.5 + 0.5 * height).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
@@ -79,20 +142,14 @@ fn share(height: f64) -> f64 {
 fn mirror_plane(bones: &[(usize, [DVec3; 2])], tolerance: f64) -> Option<Plane> {
     let mut best: Option<(usize, Plane)> = None;
     let mut tried: Vec<Plane> = Vec::new();
-    for (i, (_, [head, tail])) in bones.iter().enumerate() {
-        for (_, [other_head, other_tail]) in &bones[..i] {
-            let between = *head - *other_head;
-            let same_length = (head.distance(*tail) - other_head.distance(*other_tail)).abs() < tolerance;
-            if between.length() < 4.0 * tolerance || !same_length {
-                continue;
-            }
-            let normal = between.normalize();
-            let plane = Plane { normal, offset: normal.dot((*head + *other_head) * 0.5) };
+    for (i, (_, ends)) in bones.iter().enumerate() {
+        for (_, other) in &bones[..i] {
+            let Some((plane, _)) = bisector(ends, other, tolerance) else { continue };
             let is_known = |known: &Plane| {
-                let turn = known.normal.dot(normal);
+                let turn = known.normal.dot(plane.normal);
                 turn.abs() > 0.9999 && (known.offset * turn.signum() - plane.offset).abs() < 0.2 * tolerance
             };
-            if plane.mirrored(*tail).distance(*other_tail) > tolerance || tried.iter().any(is_known) {
+            if plane.mirrored(ends[1]).distance(other[1]) > tolerance || tried.iter().any(is_known) {
                 continue;
             }
             tried.push(plane);
@@ -139,7 +196,7 @@ mod tests {
 
     #[test]
     fn weights_fade_across_the_plane() {
-        assert_eq!([share(-1.0), share(1.0), share(0.0), share(-9.0)], [0.0, 1.0, 1.0, 0.0]);
-        assert!(share(0.5) + share(-0.5) - 1.0 < 1e-12 && share(0.5) > 0.5);
+        assert_eq!([share(-1.0), share(1.0), share(0.0), share(-9.0)], [0.0, 1.0, 0.5, 0.0]);
+        assert!((share(0.5) + share(-0.5) - 1.0).abs() < 1e-12 && share(0.5) > 0.5);
     }
 }

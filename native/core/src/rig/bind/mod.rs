@@ -52,7 +52,7 @@ pub(super) fn bind_volumetric(
     let labels = labels_of(&body, skeleton, takes_part, progress)?;
     progress.begin("Smoothing", 0.7, 0.95)?;
     let mut rows = falloff::smoothed(&body.mesh, labels, skeleton.bone_count(), progress)?;
-    mirror::keep_sides(&body, &mut rows, takes_part);
+    mirror::keep_sides(&body, &mut rows, skeleton, takes_part);
     progress.begin("Attaching loose parts", 0.95, 1.0)?;
     loose_parts::attach(&body, &mut rows, takes_part);
     let rows = body.welded.iter().map(|&v| rows[v as usize].iter().copied());

@@ -170,6 +170,12 @@ impl BoneMap {
         self.entries[bone].how
     }
 
+    /// Whether the user chose any of the target bones.
+    #[must_use]
+    pub fn is_by_hand(&self) -> bool {
+        self.entries.iter().any(|entry| entry.how == How::User)
+    }
+
     /// Mapped source bone that takes the weight of a source bone: itself, or for a bone without a
     /// counterpart the one that gathers it.
     #[must_use]
