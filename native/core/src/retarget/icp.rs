@@ -9,8 +9,8 @@ use glam::DVec3;
 
 use super::deform::{Deformed, Deformer};
 use super::parallel::map_indices;
-use super::shell::{Shell, median};
-use crate::mesh::{SurfaceQuery, TriangleMesh};
+use super::shell::{Shell, median, tie_break};
+use crate::mesh::{ClosestPoint, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::spectral::SpectralError;
 
@@ -57,6 +57,15 @@ pub struct Surroundings<'a> {
     pub query: &'a SurfaceQuery,
     /// Its outside and thickness.
     pub shell: &'a Shell,
+}
+
+impl Surroundings<'_> {
+    /// The closest point of the surface.
+    pub(super) fn closest(&self, point: DVec3) -> Option<ClosestPoint> {
+        let mut found = self.query.closest_point(point + tie_break(self.shell.extent))?;
+        found.distance = found.position.distance(point);
+        Some(found)
+    }
 }
 
 /// Pulls the surface of `deformer`, which starts as `start`, onto the target.
@@ -132,7 +141,7 @@ fn closest(
     target: Surroundings<'_>,
     max_angle: f64,
 ) -> Option<ClosestPull> {
-    let found = target.query.closest_point(point)?;
+    let found = target.closest(point)?;
     let (facing, both) = target.shell.normal_at(target.mesh, &found);
     let cosine = normal.dot(facing);
     let angle = if both || two_sided { cosine.abs() } else { cosine }.clamp(-1.0, 1.0);
@@ -243,5 +252,14 @@ mod tests {
                 assert!(motion.transform_point3(*p).distance(*q) < 1e-4 * scale);
             }
         }
+    }
+
+    #[test]
+    fn the_number_of_threads_does_not_change_a_bit() {
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| run(&ellipsoid(3), &turned_sphere(3), &[]))
+        };
+        assert_eq!(on(1), on(3));
     }
 }

@@ -11,7 +11,7 @@ use glam::DVec3;
 use super::geodesic::Ball;
 use super::icp::Surroundings;
 use super::parallel::map_indices;
-use crate::mesh::{Adjacency, ClosestPoint, MeshError, SurfaceQuery, TriangleMesh};
+use crate::mesh::{Adjacency, ClosestPoint, MeshError, TriangleMesh};
 use crate::progress::Progress;
 use crate::spectral::SpectralError;
 
@@ -73,13 +73,12 @@ pub fn match_surfaces(
     let candidates = candidates.ok_or(MeshError::NoSurface)?;
 
     let edges = Neighbours::new(target, &source)?;
-    let back = SurfaceQuery::new(target.mesh)?;
     let verdicts = map_indices(count, progress, [0.4, 0.95], |v, ball: &mut Ball| {
         if !candidates[v].passes {
             return Verdict::default();
         }
         let consistent = edges.consistent(v, &candidates, source, ball);
-        let returns = edges.returns(v, &candidates[v], target, &back, ball);
+        let returns = edges.returns(v, &candidates[v], target, ball);
         Verdict { consistent, returns }
     })?;
     let passes: Vec<bool> = (0..count)
@@ -134,7 +133,7 @@ fn best(
     let (point, normal) = (target.mesh.vertices()[v], target.shell.normals[v]);
     let both = target.shell.two_sided[v];
     let judge = |query: DVec3| {
-        let mut at = source.query.closest_point(query)?;
+        let mut at = source.closest(query)?;
         at.distance = at.position.distance(point);
         let (facing, source_both) = source.shell.normal_at(source.mesh, &at);
         let cosine = normal.dot(facing);
@@ -233,15 +232,8 @@ impl Neighbours {
     }
 
     /// Whether the target's point closest to the match lies near the vertex along the target.
-    fn returns(
-        &self,
-        v: usize,
-        candidate: &Candidate,
-        target: Surroundings<'_>,
-        back: &SurfaceQuery,
-        ball: &mut Ball,
-    ) -> bool {
-        let Some(home) = back.closest_point(candidate.at.position) else {
+    fn returns(&self, v: usize, candidate: &Candidate, target: Surroundings<'_>, ball: &mut Ball) -> bool {
+        let Some(home) = target.closest(candidate.at.position) else {
             return false;
         };
         let point = target.mesh.vertices()[v];
@@ -314,6 +306,7 @@ mod tests {
     use super::super::shell::Shell;
     use super::super::test_surfaces::{icosphere, joined, mapped, permuted, similarity, tube};
     use super::*;
+    use crate::mesh::SurfaceQuery;
 
     fn run(source: &TriangleMesh, target: &TriangleMesh) -> Vec<SurfaceMatch> {
         let progress = Progress::new();
@@ -418,5 +411,14 @@ mod tests {
                 assert!(expected.distance(place(&s, &b)) < 1e-4 * scale);
             }
         }
+    }
+
+    #[test]
+    fn the_number_of_threads_does_not_change_a_bit() {
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| run(&icosphere(3), &turned_sphere(3)))
+        };
+        assert_eq!(on(1), on(3));
     }
 }

@@ -65,6 +65,9 @@ proptest! {
         let sum = matrix.add_scaled_diagonal(scale, &d).unwrap();
         prop_assert!((dense(&sum) - dense(&matrix) - &diagonal * scale).amax() < 1e-12);
         prop_assert!(std::sync::Arc::ptr_eq(sum.pattern(), matrix.pattern()));
+        let more: Vec<_> = triplets.iter().map(|&(row, column, value)| (column, row, scale * value)).collect();
+        let sum = matrix.add_triplets(&more).unwrap();
+        prop_assert!((dense(&sum) - dense(&matrix) * (1.0 + scale)).amax() < 1e-9);
         let scaled = matrix.scale_symmetrically(&d).unwrap();
         prop_assert!((dense(&scaled) - &diagonal * dense(&matrix) * &diagonal).amax() < 1e-9);
         prop_assert_eq!(dense(&scaled), dense(&scaled).transpose());
@@ -91,6 +94,8 @@ fn wrong_lengths_and_repeated_rows_are_errors() {
     );
     assert!(matrix.add_scaled_diagonal(1.0, &[1.0; 2]).is_err());
     assert!(matrix.scale_symmetrically(&[1.0; 2]).is_err());
+    assert_eq!(matrix.add_triplets(&[(0, 2, 1.0)]).unwrap_err(), LinalgError::PatternMismatch);
+    assert_eq!(matrix.add_triplets(&[(0, 3, 1.0)]).unwrap_err(), LinalgError::PatternMismatch);
     assert_eq!(
         matrix.add_scaled_diagonal(1.0, &[0.0, f64::INFINITY, 0.0]).unwrap_err(),
         LinalgError::NonFinite { what: "matrix", row: 1, column: 1 }
