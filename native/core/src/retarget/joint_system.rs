@@ -255,9 +255,9 @@ impl System {
                 }
             }
         }
-        for bone in 0..unknowns.bone_count {
+        for (bone, &points) in points_of.iter().enumerate() {
             let (twist, girth) = (unknowns.twist(bone), unknowns.girth(bone));
-            let firm = |usual: f64| if points_of[bone] < FEW { HELD } else { usual };
+            let firm = |usual: f64| if points < FEW { HELD } else { usual };
             self.prior[twist] = firm(NO_TWIST) * self.normal[twist * self.count + twist];
             self.prior[girth] = firm(GIRTH_DAMPING) * self.normal[girth * self.count + girth];
             self.pull[twist] = -alignment.twists[bone];
