@@ -212,3 +212,24 @@ def test_panel():
     c.activate(source, target, own)
     bpy.data.objects.remove(bpy.data.objects["SourceRig"])
     assert any(text.startswith("This list belongs to") for text in draw("DERMIS_PT_bone_map"))
+
+
+def test_bone_that_only_the_target_has_takes_its_share():
+    """By weights from the skeleton alone, unless the list of bones is the user's."""
+    source, _ = c.source_tube()
+    target = c.target_tube()
+    side = ("side", "middle", (0.1, 0, 1.5), (0.55, 0, 1.5))
+    c.deform(target, c.armature("TargetRig", [*c.tube_bones(), side]))
+    assert c.retarget(source, target) == {"FINISHED"}
+    names = ["lower", "middle", "upper", "side"]
+    weights = c.dense(target, names)
+    np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-5)
+    places = np.array([vertex.co for vertex in target.data.vertices])
+    near = np.linalg.norm(places - (0.6, 0, 1.5), axis=1) < 0.25
+    assert weights[near, 3].mean() > 0.3
+    assert weights[np.abs(places[:, 2] - 1.5) > 1, 3].mean() < 0.02
+    assert "weighted by their place: 'side'" in target.dermis_retarget.result
+    c.activate(source, target)
+    assert bpy.ops.dermis.map_bones() == {"FINISHED"}
+    assert c.retarget(source, target) == {"FINISHED"}
+    assert c.dense(target, names)[:, 3].max() == 0

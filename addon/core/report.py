@@ -56,9 +56,14 @@ def retarget_notes(
             pairs = [f"'{pair.source}' to '{pair.target}'" for pair in value.mapping.rows() if pair.target]
             notes.append(f"No bone names in common with '{name}', check the bones: {_shown(pairs)}.")
         alone = value.mapping.only_in_target
-        if alone:
+        carrying = {value.mapping.target[bone] for bone in value.groups}
+        shared = [bone for bone in alone if bone in carrying]
+        empty = [bone for bone in alone if bone not in carrying]
+        if shared:
+            notes.append(f"'{name}' has bones that the source lacks, weighted by their place: {listed(shared)}.")
+        if empty:
             left = "which kept their weights" if kept else "left without weights"
-            notes.append(f"'{name}' has bones that the source lacks, {left}: {listed(alone)}.")
+            notes.append(f"'{name}' has bones that the source lacks, {left}: {listed(empty)}.")
         weighted = {source.bones.names[bone] for bone in np.unique(source.weights.bone[source.weights.value > 0])}
         heirs = [f"'{bone}' to '{heir}'" for bone, heir in value.mapping.heirs() if bone in weighted]
         if heirs:

@@ -182,11 +182,15 @@ def fit_weights(target: Target, found: FoundWeights, settings: RetargetSettings,
     at[merged.replaced] = True
     copied = blended(found.copied, target.copied_existing, np.full(len(at), settings.merge.mix))
     everything = np.concatenate([merged.weights.vertex, stays.vertex[at[stays.vertex] & (stays.value > 0)]])
+    # Mapped bones have a group even where no vertex follows them; the others where one does.
+    grouped = np.zeros(len(target.bones), np.bool_)
+    grouped[list(found.mapping.mapped)] = True
+    grouped[merged.weights.bone[merged.weights.value > 0]] = True
     return TargetWeights(
         weights=merged.weights,
         replaced=merged.replaced,
         written=merged.written,
-        groups=tuple(bone for bone in found.mapping.mapped if target.chosen[bone] and not target.locked[bone]),
+        groups=tuple(np.flatnonzero(grouped & target.chosen & ~target.locked).tolist()),
         copied=copied.where(at[copied.vertex]),
         mapping=found.mapping,
         status=np.where(at, found.status, KEPT).astype(np.uint8),

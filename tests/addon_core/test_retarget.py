@@ -107,6 +107,10 @@ def test_report(source, target):
         "1 group without a bone ignored: 'Mask'.",
         "'New' has bones that the source lacks, left without weights: 'tail'.",
     ]
+    weighted = replace(found, mapping=mapping, groups=(*found.groups, len(mapping.target) - 1))
+    assert retarget_notes(source, {"New": weighted}) == [
+        "'New' has bones that the source lacks, weighted by their place: 'tail'."
+    ]
     shown = replace(source, shape="evaluated")
     assert retarget_notes(shown, {"New": found}) == [
         "The source was taken as it is shown, with pose, shape keys and modifiers."
