@@ -264,9 +264,12 @@ def test_bones_that_only_the_target_has_are_reported():
     source, _ = c.source_tube()
     target = c.target_tube()
     c.deform(target, c.armature("Own", [*c.tube_bones(), ("tail", "lower", (0, 0, 0), (0, 1, 0))]))
-    assert c.retarget(source, target) == {"FINISHED"}
-    assert "'tail'" in target.dermis_retarget.result
+    assert c.retarget(source, target, method="PAPER") == {"FINISHED"}
+    assert "left without weights: 'tail'" in target.dermis_retarget.result
     assert "tail" not in target.vertex_groups
+    assert c.retarget(source, target) == {"FINISHED"}
+    assert "weighted by their place: 'tail'" in target.dermis_retarget.result
+    np.testing.assert_allclose(c.dense(target, ["lower", "middle", "upper", "tail"]).sum(axis=1), 1, atol=1e-5)
 
 
 def test_saved_file_needs_no_extension(tmp_path):
