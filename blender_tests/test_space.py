@@ -32,10 +32,10 @@ def placed(ob, rig, matrix, applied):
     bpy.context.view_layer.update()
 
 
-def expected(source):
+def expected(source, method):
     plain, _ = target_with_rig("Plain")
     c.add_landmarks(source, plain, LANDMARKS)
-    c.retarget(source, plain, method="PAPER")
+    c.retarget(source, plain, method=method)
     return c.dense(plain, NAMES)
 
 
@@ -53,11 +53,13 @@ def expected(source):
 )
 def test_scale_up_axis_and_mirrored_objects(matrix, applied):
     source, _ = c.source_tube()
-    wanted = expected(source)
+    # A round tube looks alike from all sides: its mirror image is met at other angles by method auto.
+    method = "PAPER" if matrix.is_negative else "AUTO"
+    wanted = expected(source, method)
     target, rig = target_with_rig()
     placed(target, rig, matrix, applied)
     c.add_landmarks(source, target, LANDMARKS)
-    assert c.retarget(source, target, method="PAPER") == {"FINISHED"}
+    assert c.retarget(source, target, method=method) == {"FINISHED"}
     found = c.dense(target, NAMES)
     np.testing.assert_allclose(found.sum(axis=1), 1, atol=1e-6)
     assert np.abs(found - wanted).sum(axis=1).mean() < 0.02
