@@ -11,7 +11,6 @@ from ..core.character import Target
 from ..core.errors import InputError
 from .armature import attach_armature, check_attachable, find_armature, is_deformed, read_bones
 from .mesh import read_surface
-from .retarget_job import POLL_SECONDS
 from .scope import Scope
 from .target_checks import check_writable
 from .transaction import restored_on_failure
@@ -38,13 +37,7 @@ class BindJob:
 
     def run(self, show_progress: Callable[[float], None]) -> None:
         """Work to the end; the thread that calls stays able to be interrupted."""
-        self.task.start()
-        try:
-            while not self.task.wait(POLL_SECONDS):
-                show_progress(self.task.fraction)
-        except BaseException:
-            self.task.cancel()
-            raise
+        self.task.run(show_progress)
 
     def finish(self) -> tuple[str, list[str]]:
         """Write the results; the line to report and notes on what was left out."""

@@ -14,7 +14,7 @@ from .armature import find_armature, read_bones
 from .check_reports import keep_report
 from .match_display import kept_status
 from .mesh import read_surface
-from .retarget_job import POLL_SECONDS, RetargetJob
+from .retarget_job import RetargetJob
 from .vertex_groups import read_groups
 
 TEXT = "Dermis Check"
@@ -39,13 +39,7 @@ class CheckJob:
 
     def run(self, show_progress: Callable[[float], None]) -> None:
         """Work to the end; the thread that calls stays able to be interrupted."""
-        self.task.start()
-        try:
-            while not self.task.wait(POLL_SECONDS):
-                show_progress(self.task.fraction)
-        except BaseException:
-            self.task.cancel()
-            raise
+        self.task.run(show_progress)
 
     def finish(self) -> list[CheckReport]:
         """Keep the reports for the panel and for selecting."""

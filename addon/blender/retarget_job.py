@@ -14,9 +14,6 @@ from ..core.task import RetargetTask
 from .retarget import TargetChoice, read_source, read_target, write_targets
 from .scope import Scope
 
-# How often the main thread looks at the working one.
-POLL_SECONDS = 0.05
-
 
 @dataclass(frozen=True)
 class GeometryChoice:
@@ -55,13 +52,7 @@ class RetargetJob:
 
     def run(self, show_progress: Callable[[float], None]) -> None:
         """Work to the end; the thread that calls stays able to be interrupted."""
-        self.task.start()
-        try:
-            while not self.task.wait(POLL_SECONDS):
-                show_progress(self.task.fraction)
-        except BaseException:
-            self.task.cancel()
-            raise
+        self.task.run(show_progress)
 
     def finish(self) -> tuple[str, list[str]]:
         """Write the results; the line to report and notes on what was left out."""

@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..blender.retarget_job import POLL_SECONDS
+from ..core.background import POLL_SECONDS
 from .operator_base import DermisOperator
 
 # A job that ends this soon needs no modal state.

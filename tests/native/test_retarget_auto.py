@@ -32,7 +32,10 @@ BOUNDS = {
     "random_3": 0.11,
 }
 # Weights that another hand has painted: part of the error is taste.
-SHARED_BOUNDS = {"wolf_husky": 0.43, "male_zombie": 0.38}
+SHARED_BOUNDS = [
+    pytest.param("wolf_husky", 0.42, marks=pytest.mark.xfail(strict=True, reason="0.424 is reached")),
+    ("male_zombie", 0.38),
+]
 # Garments on their wearers, whose weights were made by the closest point of the body.
 WORN_BOUNDS = {"default_tights": 0.06, "heavy_casualsuit": 0.09}
 
@@ -68,16 +71,17 @@ def test_bodies_of_other_proportions_and_rest_poses(name):
         assert characters.misplaced(pair.target, dense).mean() <= 0.002
 
 
-@pytest.mark.parametrize("name", SHARED_BOUNDS)
-def test_characters_painted_by_other_hands(name):
+@pytest.mark.parametrize(("name", "bound"), SHARED_BOUNDS)
+def test_characters_painted_by_other_hands(name, bound):
     make = characters.shared_pairs().get(name)
     if make is None:
         pytest.skip("the characters beside the checkout are not there")
     pair = make()
     dense = check(run(pair), len(pair.target.vertices))
     error = characters.l1_error(dense, pair.target.weights).mean()
-    assert error <= SHARED_BOUNDS[name]
-    skeleton_alone = bind_weights(characters.mesh_of(pair.target), characters.skeleton_of(pair.target)).to_dense()
+    assert error <= bound
+    mesh, skeleton = characters.mesh_of(pair.target), characters.skeleton_of(pair.target)
+    skeleton_alone = bind_weights(mesh, skeleton, method="paper").to_dense()
     assert error < characters.l1_error(skeleton_alone, pair.target.weights).mean()
 
 
