@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators whose work runs in a thread: Blender stays responsive, ESC stops it."""
+"""Operators whose work runs in a thread: Blender stays responsive, ESC ends them at once."""
 
 import bpy
 
@@ -36,10 +36,11 @@ class ModalJobOperator(DermisOperator):
         return self.guarded(lambda: self._start(context))
 
     def modal(self, context, event):
-        """Watch the thread; ESC stops it."""
+        """Watch the thread; ESC ends the operator without waiting for it."""
         if event.type == "ESC" and event.value == "PRESS":
-            self._running.task.cancel()
-        elif event.type == "TIMER":
+            self.cancel(context)
+            return self.cancelled()
+        if event.type == "TIMER":
             if self._running.task.wait(0):
                 self._end_modal(context)
                 return self.guarded(lambda: self.finished(self._running))
@@ -48,7 +49,7 @@ class ModalJobOperator(DermisOperator):
 
     def cancel(self, context):
         """Blender ends the operator, for instance because another file is opened."""
-        self._running.task.cancel()
+        self._running.task.abandon()
         self._end_modal(context)
 
     def _start(self, context) -> set[str]:

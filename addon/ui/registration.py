@@ -6,6 +6,7 @@ from contextlib import ExitStack
 import bpy
 
 from ..blender import check_reports, skin_handlers
+from ..core.background import end_all
 from . import bind_panel, bone_map_panel, check_panel, menus, panel, properties, skin_panel, skin_properties
 from .bind_weights import DERMIS_OT_bind_weights
 from .bone_map_add import DERMIS_OT_bone_map_add
@@ -50,6 +51,7 @@ _undo = ExitStack()
 def register() -> None:
     """Register all, or nothing when something fails."""
     with ExitStack() as undo:
+        undo.callback(end_all)
         properties.register()
         undo.callback(properties.unregister)
         skin_properties.register()

@@ -12,7 +12,8 @@ use super::marks::{Anchor, Constraint};
 use super::ray_marks::{RayMark, ray_marks};
 use super::rejection::RejectionSettings;
 use super::shell::Shell;
-use super::similarity::{distance_to, similar};
+use super::similarity::{POINTS, distance_to, similar};
+use super::surface_sample::samples;
 use super::surface_weights::take_over;
 use super::{RetargetError, Retargeted, Settings, pair_bones};
 use crate::mesh::{MeshError, SurfaceQuery, TriangleMesh};
@@ -86,7 +87,7 @@ pub(super) fn retarget(
     let source_surface = Surroundings { mesh: source.mesh, query: &source_query, shell: &source_shell };
     let target_surface = Surroundings { mesh: target.mesh, query: &target_query, shell: &target_shell };
 
-    progress.begin("Aligning the skeletons", 0.1, 0.4)?;
+    progress.begin("Aligning the skeletons", 0.1, 0.32)?;
     let given_skeleton = target.skeleton.renumbered(source.skeleton, &pairs);
     let (alignment, shares) = align(
         source_surface,
@@ -97,12 +98,15 @@ pub(super) fn retarget(
         given_skeleton.clone(),
         progress,
     )?;
-    let placed = match as_a_whole(&alignment, &given_skeleton, target_surface, progress)? {
+    let warped = warped(&alignment).map_err(on_source)?;
+    let warped_query = SurfaceQuery::new(&warped).map_err(on_source)?;
+    let warped_surface = Surroundings { mesh: &warped, query: &warped_query, shell: &source_shell };
+    let placed = match as_a_whole(&alignment, &warped_query, &given_skeleton, target_surface, progress)? {
         Some((whole, worn)) => {
             let mesh = if user.is_empty() { whole } else { deformed(&whole, &user, None, progress)? };
             Placed { mesh, worn, landmarks: Vec::new(), skeleton_shares: vec![0.0; takes_part.len()] }
         }
-        None => on_target(&alignment, shares, target_surface, user, progress)?,
+        None => on_target(&alignment, warped_surface, shares, target_surface, user, progress)?,
     };
 
     let tests = if placed.worn { WORN_LOOSELY } else { RejectionSettings::default() };
@@ -133,45 +137,45 @@ pub(super) fn retarget(
 }
 
 /// The source moved as a whole, if that brings it about as near to the target as the alignment of
-/// the skeletons does, and whether the target is a garment on it.
+/// the skeletons does, which `warped` queries, and whether the target is a garment on it.
 fn as_a_whole(
     alignment: &Alignment<'_>,
+    warped: &SurfaceQuery,
     given: &Skeleton,
     target: Surroundings<'_>,
     progress: &Progress,
 ) -> Result<Option<(TriangleMesh, bool)>, RetargetError> {
     let on_source = |error| mesh_error("source", error);
     let rigs = (alignment.skeleton, given);
-    let vertices = alignment.source.mesh.vertices();
-    let (moved, one_skeleton) = similar(vertices, rigs, alignment.takes_part, target, progress)?;
+    let of_source = samples(alignment.source.mesh, alignment.skeleton, |_| Some(0), POINTS);
+    let of_target = samples(target.mesh, given, |_| Some(0), POINTS);
+    let of_source = (alignment.source.mesh.vertices(), of_source.as_slice());
+    let of_target = (target.mesh.vertices(), of_target.as_slice());
+    progress.begin("Comparing the surfaces", 0.32, 0.4)?;
+    let (moved, one_skeleton) = similar(of_source, rigs, alignment.takes_part, target, progress)?;
     let whole = weighted_surface(moved, alignment).map_err(on_source)?;
     let whole_query = SurfaceQuery::new(&whole).map_err(on_source)?;
-    let warped = warped(alignment).map_err(on_source)?;
-    let warped_query = SurfaceQuery::new(&warped).map_err(on_source)?;
-    let left = distance_to(&warped_query, target, progress)?;
-    let off = distance_to(&whole_query, target, progress)?;
+    let left = distance_to(warped, of_target, [0.6, 0.8], progress)?;
+    let off = distance_to(&whole_query, of_target, [0.8, 1.0], progress)?;
     let worn = one_skeleton && off <= WORN * target.shell.extent;
     let coincide = off <= COINCIDE * target.shell.extent && left >= MUST_SHRINK * off;
     Ok((worn || coincide).then_some((whole, worn)))
 }
 
-/// The source warped onto the target's skeleton and deformed onto its surface.
+/// The source, warped onto the target's skeleton, deformed onto its surface. Which side of it is
+/// outside is what it was before the warp.
 fn on_target(
     alignment: &Alignment<'_>,
+    warped: Surroundings<'_>,
     skeleton_shares: Vec<f64>,
     target: Surroundings<'_>,
     user: Vec<Constraint>,
     progress: &Progress,
 ) -> Result<Placed, RetargetError> {
-    let on_source = |error| mesh_error("source", error);
-    let warped = warped(alignment).map_err(on_source)?;
     progress.begin("Finding landmarks", 0.4, 0.45)?;
-    let query = SurfaceQuery::new(&warped).map_err(on_source)?;
-    let shell = Shell::new(&warped, &query, progress)?;
-    let surface = Surroundings { mesh: &warped, query: &query, shell: &shell };
-    let found = ray_marks((surface, alignment.weights), target, &alignment.aligned, alignment.takes_part);
+    let found = ray_marks((warped, alignment.weights), target, &alignment.aligned, alignment.takes_part);
     let marks: Vec<Constraint> = user.into_iter().chain(found.iter().map(RayMark::constraint)).collect();
-    let mesh = deformed(&warped, &marks, Some(target), progress)?;
+    let mesh = deformed(warped.mesh, &marks, Some(target), progress)?;
     Ok(Placed {
         mesh,
         worn: false,

@@ -33,6 +33,7 @@ pub mod seams;
 pub mod shell;
 mod shepard;
 mod similarity;
+mod surface_sample;
 mod surface_weights;
 #[cfg(test)]
 mod test_surfaces;

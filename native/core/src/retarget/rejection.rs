@@ -8,7 +8,7 @@
 
 use glam::DVec3;
 
-use super::geodesic::Ball;
+use super::geodesic::{Ball, joined_by_two_edges};
 use super::icp::Surroundings;
 use super::parallel::map_indices;
 use crate::mesh::{Adjacency, ClosestPoint, MeshError, TriangleMesh};
@@ -215,7 +215,11 @@ impl Neighbours {
                 let straight = self.target.vertices()[v].distance(self.target.vertices()[n as usize]);
                 let slack = coarse(own) + coarse(at);
                 let bound = DETOUR * straight + own.distance + at.distance + slack;
-                // The way is mostly straight, and then a small ball decides.
+                // The way is mostly short and straight, and then a look around or a small ball decides.
+                let ends = [own, at].map(|at| (corners(at), at.position));
+                if joined_by_two_edges(&self.source, &self.source_edges, ends[0], ends[1], bound) {
+                    return (n, true);
+                }
                 let likely = (1.2 * own.position.distance(at.position) + slack).min(bound);
                 for radius in [likely, bound] {
                     if grown < radius {
@@ -251,6 +255,10 @@ impl Neighbours {
         }
         let near = |corner: &u32| *corner == own || self.neighbours(v).contains(corner);
         if corners.iter().any(near) {
+            return true;
+        }
+        let ends = [([own; 3], point), (corners, home.position)];
+        if joined_by_two_edges(&self.target, &self.target_edges, ends[0], ends[1], radius) {
             return true;
         }
         ball.grow(&self.target, &self.target_edges, [own; 3], point, radius);
