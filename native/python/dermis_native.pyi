@@ -15,6 +15,10 @@ import numpy.typing as npt
 _Floats = npt.NDArray[np.floating[Any]]
 _Integers = npt.NDArray[np.integer[Any]]
 
+_RetargetPart = Literal["auto", "rigid", "surface", "match"]
+_BindPart = Literal["auto", "rigid", "surface", "own"]
+_Choice = npt.NDArray[np.bool_] | _Integers | Sequence[int] | Sequence[bool]
+
 __all__ = [
     "BiharmonicDistance",
     "BoneMap",
@@ -227,6 +231,17 @@ class RetargetResult:
         `status == 0`.
         """
     @property
+    def part(self) -> npt.NDArray[np.uint32]:
+        """Loose part of each vertex (Vt,): what is connected once seams that only an export had opened
+        are closed, numbered by smallest vertex. Empty by method "paper", which knows no parts.
+        """
+    @property
+    def part_policies(self) -> list[str]:
+        """What became of each part: "rigid", "surface" or "match"."""
+    @property
+    def body(self) -> int | None:
+        """The part that is the body, the one of the largest area; None by method "paper"."""
+    @property
     def landmarks(self) -> npt.NDArray[np.int64]:
         """Landmark pairs used (k,2): source vertex, target vertex."""
 
@@ -240,6 +255,7 @@ def retarget_weights(
     bone_map: BoneMap | None = None,
     landmarks: _Integers | None = None,
     method: Literal["auto", "paper"] = "auto",
+    parts: _RetargetPart | Sequence[_RetargetPart] | None = None,
     max_influences: int | None = None,
     eigenpairs: int = 100,
     progress: Progress | None = None,
@@ -257,6 +273,13 @@ def retarget_weights(
     landmarks (k,2) pairs a source vertex with a target vertex; "auto" adds its own to them, "paper"
     uses them instead of its own. With both skeletons, bones are paired by `map_bones` unless
     `bone_map` is given.
+
+    parts says what becomes of loose parts of the target: "rigid" gives a part one row of weights,
+    "surface" every vertex those of the nearest point of the body, "match" matches it with the source
+    like the body (one without any match follows the surface after all), "auto" and None choose. One
+    name is for all parts but the body; a sequence has one for each component as
+    `TriangleMesh.components` numbers them, and there the body is what it is said to be. Components
+    that coincident open edges make one part must not contradict each other. "auto" method alone.
     """
 
 def bind_weights(
@@ -264,8 +287,11 @@ def bind_weights(
     skeleton: Skeleton,
     *,
     method: Literal["volumetric", "paper"] = "volumetric",
+    parts: _BindPart | Sequence[_BindPart] | None = None,
     max_influences: int | None = None,
-    bones: npt.NDArray[np.bool_] | _Integers | Sequence[int] | Sequence[bool] | None = None,
+    bones: _Choice | None = None,
+    protected: _Choice | None = None,
+    weights: SkinWeights | None = None,
     progress: Progress | None = None,
 ) -> SkinWeights:
     """Weights for a mesh that has none, from its skeleton alone.
@@ -279,6 +305,14 @@ def bind_weights(
 
     bones chooses those that take part, as a mask (B,) or as indices; None takes all. max_influences
     limits the bones of a vertex; weights fade out before they are cut off. Rows sum to 1.
+
+    parts says what becomes of loose parts, for all but the body or for each component as in
+    `retarget_weights`: "rigid" (one row of weights), "surface" (each vertex follows the nearest point
+    of the body), "own" (bound to the bones by itself), or "auto": small parts and those that no bone
+    reaches go with the body, others are bound by themselves. "volumetric" alone.
+
+    protected vertices, as a mask (V,) or as indices, keep their rows of `weights` (V,B) bit for bit,
+    whatever these sum to.
     """
 
 def linear_blend_skinning(vertices: _Floats, weights: SkinWeights, transforms: _Floats) -> npt.NDArray[np.float32]:

@@ -15,7 +15,7 @@ use super::shell::Shell;
 use super::similarity::{POINTS, distance_to, similar};
 use super::surface_sample::samples;
 use super::surface_weights::take_over;
-use super::{RetargetError, Retargeted, Settings, pair_bones};
+use super::{RetargetError, Retargeted, Settings};
 use crate::mesh::{MeshError, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::rig::Skeleton;
@@ -56,16 +56,16 @@ struct Placed {
 }
 
 pub(super) fn retarget(
-    source: Rigged<'_>,
-    source_weights: &SkinWeights,
+    (source, source_weights): (Rigged<'_>, &SkinWeights),
     target: Rigged<'_>,
+    pairs: &[Option<u32>],
     landmarks: Option<&[[i64; 2]]>,
     settings: &Settings,
     progress: &Progress,
 ) -> Result<Retargeted, RetargetError> {
     progress.begin("Reading the characters", 0.0, 0.1)?;
     let takes_part = source_weights.used_bones();
-    let pairs = pair_bones(source.skeleton, target.skeleton, &takes_part)?;
+    let choice = settings.parts.resolved(target.mesh)?;
     let given = match landmarks {
         Some(given) => check_landmarks(given, source.mesh.vertex_count(), target.mesh.vertex_count())?,
         None => Vec::new(),
@@ -88,7 +88,7 @@ pub(super) fn retarget(
     let target_surface = Surroundings { mesh: target.mesh, query: &target_query, shell: &target_shell };
 
     progress.begin("Aligning the skeletons", 0.1, 0.32)?;
-    let given_skeleton = target.skeleton.renumbered(source.skeleton, &pairs);
+    let given_skeleton = target.skeleton.renumbered(source.skeleton, pairs);
     let (alignment, shares) = align(
         source_surface,
         source.skeleton,
@@ -114,6 +114,7 @@ pub(super) fn retarget(
         (&placed.mesh, source_weights, &tests),
         target_surface,
         (&alignment, &placed.skeleton_shares),
+        &choice,
         progress,
     )?;
     let rows = taken.rows.iter().map(|row| {
@@ -132,6 +133,7 @@ pub(super) fn retarget(
         correspondence: taken.correspondence,
         matched: taken.matched,
         origin: taken.origin,
+        parts: taken.parts,
         landmarks: given.into_iter().chain(placed.landmarks).collect(),
     })
 }

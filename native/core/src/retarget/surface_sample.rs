@@ -162,7 +162,8 @@ mod tests {
         let mut again = samples_beyond(100, &shuffled, &skeleton, of_half(&shuffled), 200);
         let mut expected: Vec<Sample> =
             found.iter().map(|s| Sample { vertex: new[s.vertex as usize], ..*s }).collect();
-        [&mut again, &mut expected].map(|list| list.sort_unstable_by_key(|sample| sample.vertex));
+        again.sort_unstable_by_key(|sample| sample.vertex);
+        expected.sort_unstable_by_key(|sample| sample.vertex);
         assert_eq!(again, expected);
         for scale in [1e-2, 1e2] {
             let motion = similarity(scale);

@@ -12,11 +12,11 @@ use super::icp::Surroundings;
 use super::inpaint::{InpaintSettings, Row};
 use super::joint_refinement::Alignment;
 use super::part_weights::{PartWeights, weigh_parts};
-use super::parts::{PartPolicy, SourceWeights, plan_parts};
+use super::parts::{Part, PartPolicy, SourceWeights, plan_parts};
 use super::rejection::{RejectionSettings, SurfaceMatch, match_surfaces};
 use super::shell::Shell;
 use super::{Origin, RetargetError};
-use crate::mesh::{SurfaceQuery, TriangleMesh};
+use crate::mesh::{ResolvedChoice, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::skinning::SkinWeights;
 
@@ -31,6 +31,8 @@ pub(super) struct TakenOver {
     pub(super) matched: Vec<bool>,
     /// Source vertex for each target vertex.
     pub(super) correspondence: Vec<u32>,
+    /// What became of each part.
+    pub(super) parts: Vec<Part>,
 }
 
 /// Takes the weights of `source`, which lies on the target, over to it, with each bone's share of
@@ -39,6 +41,7 @@ pub(super) fn take_over(
     (source, weights, tests): (&TriangleMesh, &SkinWeights, &RejectionSettings),
     target: Surroundings<'_>,
     (alignment, shares): (&Alignment<'_>, &[f64]),
+    choice: &ResolvedChoice<PartPolicy>,
     progress: &Progress,
 ) -> Result<TakenOver, RetargetError> {
     progress.begin("Matching surfaces", 0.75, 0.9)?;
@@ -58,7 +61,7 @@ pub(super) fn take_over(
         .map(|v| weights.entries(v).map(|(bone, weight)| (bone, f64::from(weight))).collect())
         .collect();
     let placed = SourceWeights { surface, rows: &source_rows };
-    let parts = plan_parts(target.mesh, &accepted, placed, PartPolicy::Auto);
+    let parts = plan_parts(target.mesh, &accepted, placed, choice);
     let filling = InpaintSettings::default();
     let mut filled =
         weigh_parts(target.mesh, &parts, &rows, &known, placed, &filling, progress).map_err(spectral)?;
@@ -68,6 +71,7 @@ pub(super) fn take_over(
     });
     Ok(TakenOver {
         rows: filled.rows,
+        parts: filled.parts,
         matched: origin.iter().map(|&origin| origin == Origin::Matched).collect(),
         origin,
         correspondence: matches.iter().map(|found| nearest(found, source)).collect(),

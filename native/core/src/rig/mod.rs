@@ -8,8 +8,9 @@ mod regions;
 mod segment;
 mod skeleton;
 
+pub use bind::BindPartPolicy;
 pub use bind_paper::bind_weights_paper;
-pub use bind_weights::{BindError, BindMethod, BindSettings, bind_weights};
+pub use bind_weights::{BindError, BindMethod, BindSettings, ProtectedWeights, bind_weights};
 pub use bone_map::{BoneMap, BoneMapError, How, map_bones};
 pub use regions::{JOINT_RADIUS, Region, decompose, joint_radii};
 pub use segment::{closest_on_segment, distance_to_segment};
