@@ -119,7 +119,7 @@ def find_weights(targets: Sequence[Target], settings: BindSettings, progress: Pr
             mesh,
             native_skeleton(targets[0].bones),
             method=settings.method,
-            parts=parts_argument(mesh, settings.parts, part_vertices(targets)),
+            parts=parts_argument(mesh, settings.parts, "auto", part_vertices(targets)),
             progress=progress,
         )
     except Cancelled:

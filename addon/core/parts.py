@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,8 @@ from dermis_native import RetargetResult, TriangleMesh
 
 from .character import Flags, Target
 from .errors import InputError, counted
+
+Policy = TypeVar("Policy", bound=str)
 
 # How each treatment is told of: for one part and for several.
 TOLD = {
@@ -21,16 +24,16 @@ TOLD = {
 }
 
 
-def parts_argument(mesh: TriangleMesh, policy: str, chosen: Flags | None) -> str | list[str]:
+def parts_argument(mesh: TriangleMesh, policy: Policy, auto: Policy, chosen: Flags | None) -> Policy | list[Policy]:
     """`parts` of a native call: one treatment for all loose parts, or, with `chosen` vertices (V,), for the
-    components that these belong to.
+    components that these belong to and `auto` for the others.
     """
-    if policy == "auto" or chosen is None:
+    if policy == auto or chosen is None:
         return policy
     components: npt.NDArray[np.uint32] = mesh.components
     is_chosen = np.zeros(int(components.max()) + 1, np.bool_)
     is_chosen[components[chosen]] = True
-    return [policy if each else "auto" for each in is_chosen.tolist()]
+    return [policy if each else auto for each in is_chosen.tolist()]
 
 
 def check_part_vertices(policy: str, targets: Iterable[Target]) -> None:

@@ -148,7 +148,7 @@ def find_weights(source: Source, target: Target, settings: RetargetSettings, pro
             bone_map=mapping.native,
             landmarks=target.landmarks,
             method=settings.method,
-            parts=parts_argument(mesh, settings.parts, target.part_vertices),
+            parts=parts_argument(mesh, settings.parts, "auto", target.part_vertices),
             eigenpairs=settings.eigenpairs,
             progress=progress,
         )
