@@ -89,6 +89,7 @@ def test_parts_of_several_meshes_bound_as_one_body():
     body = c.mesh_object("Body", *c.tube(12, 13))
     target = c.mesh_object("Target", *c.tube(9, 5, height=0.8, radius=0.6))
     target.location.z = 0.6
+    select_vertices(body, [])
     select_vertices(target, [3])
     bpy.context.view_layer.update()
     for together in (True, False):
