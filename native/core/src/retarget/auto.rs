@@ -5,6 +5,7 @@ use glam::DVec3;
 
 use super::alignment::align;
 use super::deform::{DeformSettings, Deformer};
+use super::differing_shapes::Differing;
 use super::icp::{IcpSettings, Surroundings, register};
 use super::joint_refinement::Alignment;
 use super::landmarks::check_landmarks;
@@ -50,8 +51,8 @@ struct Placed {
     worn: bool,
     /// Automatic landmarks: source vertex, target vertex.
     landmarks: Vec<[u32; 2]>,
-    /// Share of the skeleton's own weights for every bone (B).
-    skeleton_shares: Vec<f64>,
+    /// How much source and target differ in shape, 0 to 1.
+    difference: f64,
 }
 
 pub(super) fn retarget(
@@ -61,7 +62,7 @@ pub(super) fn retarget(
     landmarks: Option<&[[i64; 2]]>,
     settings: &Settings,
     progress: &Progress,
-) -> Result<Retargeted, RetargetError> {
+) -> Result<(Retargeted, Option<Differing>), RetargetError> {
     progress.begin("Reading the characters", 0.0, 0.1)?;
     let takes_part = source_weights.used_bones();
     let pairs = pair_bones(source.skeleton, target.skeleton, &takes_part)?;
@@ -88,7 +89,7 @@ pub(super) fn retarget(
 
     progress.begin("Aligning the skeletons", 0.1, 0.4)?;
     let given_skeleton = target.skeleton.renumbered(source.skeleton, &pairs);
-    let (alignment, shares) = align(
+    let (alignment, difference) = align(
         source_surface,
         source.skeleton,
         source_weights,
@@ -100,18 +101,13 @@ pub(super) fn retarget(
     let placed = match as_a_whole(&alignment, &given_skeleton, target_surface, progress)? {
         Some((whole, worn)) => {
             let mesh = if user.is_empty() { whole } else { deformed(&whole, &user, None, progress)? };
-            Placed { mesh, worn, landmarks: Vec::new(), skeleton_shares: vec![0.0; takes_part.len()] }
+            Placed { mesh, worn, landmarks: Vec::new(), difference: 0.0 }
         }
-        None => on_target(&alignment, shares, target_surface, user, progress)?,
+        None => on_target(&alignment, difference, target_surface, user, progress)?,
     };
 
     let tests = if placed.worn { WORN_LOOSELY } else { RejectionSettings::default() };
-    let taken = take_over(
-        (&placed.mesh, source_weights, &tests),
-        target_surface,
-        (&alignment, &placed.skeleton_shares),
-        progress,
-    )?;
+    let taken = take_over((&placed.mesh, source_weights, &tests), target_surface, progress)?;
     let rows = taken.rows.iter().map(|row| {
         // Bones with weight always have a partner.
         let mut renamed: Vec<(u32, f64)> =
@@ -123,13 +119,22 @@ pub(super) fn retarget(
     if let Some(count) = settings.max_influences {
         weights = weights.limited(count);
     }
-    Ok(Retargeted {
+    let differing = (placed.difference > 0.0).then(|| Differing {
+        share: placed.difference,
+        matches: taken.matches,
+        origin: taken.origin.clone(),
+        parts: taken.parts,
+        source: (source_query, source_shell),
+        target: (target_query, target_shell),
+    });
+    let found = Retargeted {
         weights: weights.normalized(),
         correspondence: taken.correspondence,
         matched: taken.matched,
         origin: taken.origin,
         landmarks: given.into_iter().chain(placed.landmarks).collect(),
-    })
+    };
+    Ok((found, differing))
 }
 
 /// The source moved as a whole, if that brings it about as near to the target as the alignment of
@@ -158,7 +163,7 @@ fn as_a_whole(
 /// The source warped onto the target's skeleton and deformed onto its surface.
 fn on_target(
     alignment: &Alignment<'_>,
-    skeleton_shares: Vec<f64>,
+    difference: f64,
     target: Surroundings<'_>,
     user: Vec<Constraint>,
     progress: &Progress,
@@ -172,12 +177,7 @@ fn on_target(
     let found = ray_marks((surface, alignment.weights), target, &alignment.aligned, alignment.takes_part);
     let marks: Vec<Constraint> = user.into_iter().chain(found.iter().map(RayMark::constraint)).collect();
     let mesh = deformed(&warped, &marks, Some(target), progress)?;
-    Ok(Placed {
-        mesh,
-        worn: false,
-        landmarks: found.iter().map(RayMark::vertices).collect(),
-        skeleton_shares,
-    })
+    Ok(Placed { mesh, worn: false, landmarks: found.iter().map(RayMark::vertices).collect(), difference })
 }
 
 /// A surface deformed to marks and then onto a target.

@@ -11,7 +11,7 @@
 use glam::DVec3;
 
 use super::RetargetError;
-use super::differing_shapes::skeleton_shares;
+use super::differing_shapes::difference;
 use super::icp::Surroundings;
 use super::joint_system::{self, Meeting, Trust, Unknowns, typical_distances};
 use super::parallel::map_indices;
@@ -69,8 +69,8 @@ impl Alignment<'_> {
     }
 }
 
-/// Fits the alignment to the target's surface, whose size is `extent`. Returns how much each bone
-/// (B) should rely on the target's skeleton rather than on the source, see [`skeleton_shares`].
+/// Fits the alignment to the target's surface, whose size is `extent`. Returns how much
+/// the shapes differ, see [`difference`].
 ///
 /// # Errors
 /// [`RetargetError::Cancelled`], [`RetargetError::Linalg`].
@@ -80,7 +80,7 @@ pub(super) fn refine(
     extent: f64,
     settings: &FitSettings,
     progress: &Progress,
-) -> Result<Vec<f64>, RetargetError> {
+) -> Result<f64, RetargetError> {
     let unknowns = Unknowns::new(alignment.skeleton, &alignment.aligned, alignment.takes_part, extent);
     let given = (alignment.aligned.clone(), alignment.log_girths.clone());
     let mut before = Vec::new();
@@ -108,7 +108,7 @@ pub(super) fn refine(
     let meetings = meet(alignment, &points, target, [1.0, 1.0], progress)?;
     let distances: Vec<Option<f64>> =
         meetings.iter().map(|meeting| meeting.as_ref().map(|meeting| meeting.distance)).collect();
-    Ok(skeleton_shares(alignment, &points, &distances))
+    Ok(difference(alignment, &points, &distances))
 }
 
 /// How much of the fit a bone keeps: all where it explains most of the distance between the

@@ -4,9 +4,11 @@ mod alignment;
 mod auto;
 pub mod bilaplacian;
 mod body;
+mod bone_heat;
 mod bone_rays;
 mod bone_rotations;
 mod bones;
+mod bound_alike;
 mod chains;
 pub mod deform;
 mod differing_shapes;
@@ -43,6 +45,7 @@ use crate::mesh::TriangleMesh;
 use crate::progress::Progress;
 use crate::rig::Skeleton;
 use crate::skinning::SkinWeights;
+use differing_shapes::Differing;
 
 pub use bones::pair_bones;
 pub use chains::{Biped, ChainEnd, Chains};
@@ -118,7 +121,8 @@ pub struct Retargeted {
     pub landmarks: Vec<[u32; 2]>,
 }
 
-/// Retargets between skeletons whose weighted bones pair.
+/// Retargets between skeletons whose weighted bones pair. Returns also what the target's own skeleton
+/// should know where shapes differ.
 fn by_method(
     source: Character<'_>,
     source_weights: &SkinWeights,
@@ -126,7 +130,7 @@ fn by_method(
     landmarks: Option<&[[i64; 2]]>,
     settings: &Settings,
     progress: &Progress,
-) -> Result<Retargeted, RetargetError> {
+) -> Result<(Retargeted, Option<Differing>), RetargetError> {
     check_counts(source, source_weights)?;
     match (settings.method, source.skeleton, target.skeleton) {
         (Method::Auto, Some(from), Some(to)) => {
@@ -134,7 +138,10 @@ fn by_method(
             let target = auto::Rigged { mesh: target.mesh, skeleton: to };
             auto::retarget(source, source_weights, target, landmarks, settings, progress)
         }
-        _ => paper::retarget(source, source_weights, target, landmarks, settings, progress),
+        _ => {
+            let found = paper::retarget(source, source_weights, target, landmarks, settings, progress)?;
+            Ok((found, None))
+        }
     }
 }
 
