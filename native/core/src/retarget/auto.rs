@@ -33,9 +33,9 @@ const MUST_SHRINK: f64 = 0.5;
 /// or where both have one skeleton and lie within this share: a garment on its wearer.
 const WORN: f64 = 0.01;
 
-/// Tests of matches for garments, whose folds and distance say little.
+/// Tests of matches for garments, whose folds, linings and distance say little.
 const WORN_LOOSELY: RejectionSettings =
-    RejectionSettings { max_angle: 100.0, max_distance: 0.1, max_depth: 10.0 };
+    RejectionSettings { max_angle: 180.0, max_distance: 0.1, max_depth: 10.0, other_wall: false };
 
 /// A character with both of its halves.
 #[derive(Clone, Copy)]

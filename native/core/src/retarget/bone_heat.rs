@@ -28,7 +28,7 @@ const LEAST_FACING: f64 = 5e-4;
 const SMALLEST_DISTANCE: f64 = 1e-5;
 /// Lines of sight end this share of their length before both ends.
 const ENDS: f64 = 1e-5;
-/// A line of sight passes at most this many walls inward; beyond, nothing is in sight.
+/// A line of sight passes at most this many walls; beyond, nothing is in sight.
 const MOST_WALLS: usize = 32;
 /// Weights below the first bound are left out, from the second on they are whole.
 const FADE: [f64; 2] = [0.025, 0.05];
@@ -54,9 +54,11 @@ pub(super) fn bone_heat(
     let bones: Vec<usize> = (0..takes_part.len()).filter(|&bone| takes_part[bone]).collect();
     let Ok(welded) = shell.welded(mesh) else { return Ok(vec![Row::new(); mesh.vertex_count()]) };
     let normals = normals(&welded, &shell.side);
+    let topology = welded.topology();
+    let pieces: Vec<u32> = shell.stands_for().iter().map(|&v| topology.components()[v as usize]).collect();
     let sources = map_indices(mesh.vertex_count(), progress, [0.0, 0.5], |v, (): &mut ()| {
         if shell.stands_for()[v] as usize == v {
-            in_sight((v, normals[v]), surface, skeleton, &bones)
+            in_sight((v, normals[v]), (surface, &pieces), skeleton, &bones)
         } else {
             None
         }
@@ -117,7 +119,7 @@ struct Source {
 /// The nearest of the bones that a vertex sees.
 fn in_sight(
     (v, normal): (usize, DVec3),
-    surface: Surroundings<'_>,
+    (surface, pieces): (Surroundings<'_>, &[u32]),
     skeleton: &Skeleton,
     bones: &[usize],
 ) -> Option<Source> {
@@ -137,7 +139,7 @@ fn in_sight(
     for (distance, bone, at) in found {
         match &mut source {
             Some(source) if distance > source.distance * (1.0 + EQUALLY_NEAR) => break,
-            _ if !sees(surface, at, point) => {}
+            _ if !sees(surface, at, point, &|corner| pieces[corner] == pieces[v]) => {}
             Some(source) => source.bones.push(bone),
             None => source = Some(Source { bones: vec![bone], distance }),
         }
@@ -148,8 +150,9 @@ fn in_sight(
     source
 }
 
-/// Whether the way from a bone to the skin never leaves the body before its end.
-fn sees(surface: Surroundings<'_>, bone: DVec3, skin: DVec3) -> bool {
+/// Whether the way from a bone to the skin of a piece never leaves that piece before its end: where
+/// pieces overlap, as in a body made of them, the walls of others are no walls.
+fn sees(surface: Surroundings<'_>, bone: DVec3, skin: DVec3, is_own: &dyn Fn(usize) -> bool) -> bool {
     let Surroundings { mesh, query, shell } = surface;
     let way = skin - bone;
     let length = way.length();
@@ -163,7 +166,7 @@ fn sees(surface: Surroundings<'_>, bone: DVec3, skin: DVec3) -> bool {
         }
         let corner = mesh.triangles()[hit.triangle as usize][0] as usize;
         let outward = mesh.area_vector(hit.triangle as usize) * shell.side[corner];
-        if !shell.two_sided[corner] && outward.dot(direction) > 0.0 {
+        if is_own(corner) && !shell.two_sided[corner] && outward.dot(direction) > 0.0 {
             return false;
         }
         at += ENDS * length;

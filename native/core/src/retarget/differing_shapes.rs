@@ -119,6 +119,10 @@ impl Differing {
             Bindable { surface: to, skeleton: target.skeleton, takes_part: &takes_part },
             progress,
         )?;
+        if let Ok(path) = std::env::var("DERMIS_DUMP") {
+            let text: String = bound.target.iter().map(|row| row.iter().map(|(b, w)| format!("{b} {w} ")).collect::<String>() + "\n").collect();
+            let _ = std::fs::write(path, text);
+        }
         let divided = |weights: SkinWeights| match unclaimed {
             Some(unclaimed) => unclaimed.share(&weights, &bound.target),
             None => weights,
