@@ -5,6 +5,7 @@ use glam::DVec3;
 
 use super::alignment::align;
 use super::deform::{DeformSettings, Deformer};
+use super::differing_shapes::Differing;
 use super::icp::{IcpSettings, Surroundings, register};
 use super::joint_refinement::Alignment;
 use super::landmarks::check_landmarks;
@@ -33,9 +34,9 @@ const MUST_SHRINK: f64 = 0.5;
 /// or where both have one skeleton and lie within this share: a garment on its wearer.
 const WORN: f64 = 0.01;
 
-/// Tests of matches for garments, whose folds and distance say little.
+/// Tests of matches for garments, whose folds, linings and distance say little.
 const WORN_LOOSELY: RejectionSettings =
-    RejectionSettings { max_angle: 100.0, max_distance: 0.1, max_depth: 10.0 };
+    RejectionSettings { max_angle: 180.0, max_distance: 0.1, max_depth: 10.0, other_wall: false };
 
 /// A character with both of its halves.
 #[derive(Clone, Copy)]
@@ -51,8 +52,8 @@ struct Placed {
     worn: bool,
     /// Automatic landmarks: source vertex, target vertex.
     landmarks: Vec<[u32; 2]>,
-    /// Share of the skeleton's own weights for every bone (B).
-    skeleton_shares: Vec<f64>,
+    /// How much source and target differ in shape, 0 to 1.
+    difference: f64,
 }
 
 pub(super) fn retarget(
@@ -62,7 +63,7 @@ pub(super) fn retarget(
     landmarks: Option<&[[i64; 2]]>,
     settings: &Settings,
     progress: &Progress,
-) -> Result<Retargeted, RetargetError> {
+) -> Result<(Retargeted, Option<Differing>), RetargetError> {
     progress.begin("Reading the characters", 0.0, 0.1)?;
     let takes_part = source_weights.used_bones();
     let choice = settings.parts.resolved(target.mesh)?;
@@ -89,7 +90,7 @@ pub(super) fn retarget(
 
     progress.begin("Aligning the skeletons", 0.1, 0.32)?;
     let given_skeleton = target.skeleton.renumbered(source.skeleton, pairs);
-    let (alignment, shares) = align(
+    let (alignment, difference) = align(
         source_surface,
         source.skeleton,
         source_weights,
@@ -104,19 +105,13 @@ pub(super) fn retarget(
     let placed = match as_a_whole(&alignment, &warped_query, &given_skeleton, target_surface, progress)? {
         Some((whole, worn)) => {
             let mesh = if user.is_empty() { whole } else { deformed(&whole, &user, None, progress)? };
-            Placed { mesh, worn, landmarks: Vec::new(), skeleton_shares: vec![0.0; takes_part.len()] }
+            Placed { mesh, worn, landmarks: Vec::new(), difference: 0.0 }
         }
-        None => on_target(&alignment, warped_surface, shares, target_surface, user, progress)?,
+        None => on_target(&alignment, warped_surface, difference, target_surface, user, progress)?,
     };
 
     let tests = if placed.worn { WORN_LOOSELY } else { RejectionSettings::default() };
-    let taken = take_over(
-        (&placed.mesh, source_weights, &tests),
-        target_surface,
-        (&alignment, &placed.skeleton_shares),
-        &choice,
-        progress,
-    )?;
+    let taken = take_over((&placed.mesh, source_weights, &tests), target_surface, &choice, progress)?;
     let rows = taken.rows.iter().map(|row| {
         // Bones with weight always have a partner.
         let mut renamed: Vec<(u32, f64)> =
@@ -128,14 +123,23 @@ pub(super) fn retarget(
     if let Some(count) = settings.max_influences {
         weights = weights.limited(count);
     }
-    Ok(Retargeted {
+    let differing = (placed.difference > 0.0).then(|| Differing {
+        share: placed.difference,
+        matches: taken.matches,
+        origin: taken.origin.clone(),
+        parts: taken.parts.clone(),
+        source: (source_query, source_shell),
+        target: (target_query, target_shell),
+    });
+    let found = Retargeted {
         weights: weights.normalized(),
         correspondence: taken.correspondence,
         matched: taken.matched,
         origin: taken.origin,
         parts: taken.parts,
         landmarks: given.into_iter().chain(placed.landmarks).collect(),
-    })
+    };
+    Ok((found, differing))
 }
 
 /// The source moved as a whole, if that brings it about as near to the target as the alignment of
@@ -169,7 +173,7 @@ fn as_a_whole(
 fn on_target(
     alignment: &Alignment<'_>,
     warped: Surroundings<'_>,
-    skeleton_shares: Vec<f64>,
+    difference: f64,
     target: Surroundings<'_>,
     user: Vec<Constraint>,
     progress: &Progress,
@@ -178,12 +182,7 @@ fn on_target(
     let found = ray_marks((warped, alignment.weights), target, &alignment.aligned, alignment.takes_part);
     let marks: Vec<Constraint> = user.into_iter().chain(found.iter().map(RayMark::constraint)).collect();
     let mesh = deformed(warped.mesh, &marks, Some(target), progress)?;
-    Ok(Placed {
-        mesh,
-        worn: false,
-        landmarks: found.iter().map(RayMark::vertices).collect(),
-        skeleton_shares,
-    })
+    Ok(Placed { mesh, worn: false, landmarks: found.iter().map(RayMark::vertices).collect(), difference })
 }
 
 /// A surface deformed to marks and then onto a target.

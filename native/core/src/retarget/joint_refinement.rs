@@ -11,7 +11,7 @@
 use glam::DVec3;
 
 use super::RetargetError;
-use super::differing_shapes::skeleton_shares;
+use super::differing_shapes::difference;
 use super::icp::Surroundings;
 use super::joint_system::{self, Meeting, Trust, Unknowns, largest_bone, typical_distances};
 use super::parallel::map_indices;
@@ -71,8 +71,8 @@ impl Alignment<'_> {
     }
 }
 
-/// Fits the alignment to the target's surface, whose size is `extent`. Returns how much each bone
-/// (B) should rely on the target's skeleton rather than on the source, see [`skeleton_shares`].
+/// Fits the alignment to the target's surface, whose size is `extent`. Returns how much
+/// the shapes differ, see [`difference`].
 ///
 /// # Errors
 /// [`RetargetError::Cancelled`], [`RetargetError::Linalg`].
@@ -82,7 +82,7 @@ pub(super) fn refine(
     extent: f64,
     settings: &FitSettings,
     progress: &Progress,
-) -> Result<Vec<f64>, RetargetError> {
+) -> Result<f64, RetargetError> {
     let unknowns = Unknowns::new(alignment.skeleton, &alignment.aligned, alignment.takes_part, extent);
     let given = (alignment.aligned.clone(), alignment.log_girths.clone());
     let points = PointsThatMeet::new(alignment);
@@ -112,7 +112,7 @@ pub(super) fn refine(
     for meeting in points.meet(alignment, &moved, target, [1.0, 1.0], progress)? {
         distances[meeting.vertex as usize] = Some(meeting.distance);
     }
-    Ok(skeleton_shares(alignment, &moved, &distances))
+    Ok(difference(alignment, &moved, &distances))
 }
 
 /// How much of the fit a bone keeps: all where it explains most of the distance between the

@@ -4,9 +4,11 @@ mod alignment;
 mod auto;
 pub mod bilaplacian;
 mod body;
+mod bone_heat;
 mod bone_rays;
 mod bone_rotations;
 mod bones;
+mod bound_alike;
 mod chains;
 pub mod deform;
 mod differing_shapes;
@@ -45,6 +47,7 @@ use crate::mesh::{PartChoice, TriangleMesh};
 use crate::progress::Progress;
 use crate::rig::Skeleton;
 use crate::skinning::SkinWeights;
+use differing_shapes::Differing;
 
 pub use bones::pair_bones;
 pub use chains::{Biped, ChainEnd, Chains};
@@ -125,7 +128,8 @@ pub struct Retargeted {
 }
 
 /// Retargets between skeletons of which `pairs` tells the target bone of each source bone; every
-/// weighted one has a partner. `None` where a skeleton is missing.
+/// weighted one has a partner. `None` where a skeleton is missing. Returns also what the target's own
+/// skeleton should know where shapes differ.
 fn by_method(
     (source, source_weights): (Character<'_>, &SkinWeights),
     target: Character<'_>,
@@ -133,7 +137,7 @@ fn by_method(
     landmarks: Option<&[[i64; 2]]>,
     settings: &Settings,
     progress: &Progress,
-) -> Result<Retargeted, RetargetError> {
+) -> Result<(Retargeted, Option<Differing>), RetargetError> {
     match (settings.method, source.skeleton, target.skeleton, pairs) {
         (Method::Auto, Some(from), Some(to), Some(pairs)) => {
             let source = auto::Rigged { mesh: source.mesh, skeleton: from };
@@ -141,7 +145,10 @@ fn by_method(
             auto::retarget((source, source_weights), target, pairs, landmarks, settings, progress)
         }
         _ if settings.parts != PartChoice::default() => Err(RetargetError::PartsByPaper),
-        _ => paper::retarget((source, source_weights), target, pairs, landmarks, settings, progress),
+        _ => {
+            let source = (source, source_weights);
+            Ok((paper::retarget(source, target, pairs, landmarks, settings, progress)?, None))
+        }
     }
 }
 

@@ -32,11 +32,13 @@ pub struct RejectionSettings {
     /// Largest distance, as a share of the thinner body's thickness at that place; a quarter of
     /// `max_distance` is always allowed.
     pub max_depth: f64,
+    /// Whether a match on the body's other wall may stand in for a closest point that fails.
+    pub other_wall: bool,
 }
 
 impl Default for RejectionSettings {
     fn default() -> Self {
-        Self { max_angle: 60.0, max_distance: 0.02, max_depth: 0.5 }
+        Self { max_angle: 60.0, max_distance: 0.02, max_depth: 0.5, other_wall: true }
     }
 }
 
@@ -145,7 +147,7 @@ fn best(
         Some(Candidate { at, agreement, passes: near && angle && !beyond })
     };
     let closest = judge(point)?;
-    if closest.passes || closest.at.distance > limits.farthest {
+    if closest.passes || !limits.settings.other_wall || closest.at.distance > limits.farthest {
         return Some(closest);
     }
     let step = closest.at.distance.max(0.25 * limits.farthest);

@@ -7,10 +7,9 @@ use kdtree::distance::squared_euclidean;
 use rayon::prelude::*;
 
 use super::auto::{mesh_error, spectral_error};
-use super::differing_shapes::mix_skeleton_weights;
+use super::differing_shapes::on_vertices;
 use super::icp::Surroundings;
 use super::inpaint::{InpaintSettings, Row};
-use super::joint_refinement::Alignment;
 use super::part_weights::{PartWeights, weigh_parts};
 use super::parts::{Part, PartPolicy, SourceWeights, plan_parts};
 use super::rejection::{RejectionSettings, SurfaceMatch, match_surfaces};
@@ -31,16 +30,16 @@ pub(super) struct TakenOver {
     pub(super) matched: Vec<bool>,
     /// Source vertex for each target vertex.
     pub(super) correspondence: Vec<u32>,
+    /// Source vertices around the match of each target vertex, and their shares.
+    pub(super) matches: Vec<([u32; 3], [f64; 3])>,
     /// What became of each part.
     pub(super) parts: Vec<Part>,
 }
 
-/// Takes the weights of `source`, which lies on the target, over to it, with each bone's share of
-/// the skeleton's own weights. `tests` are those of the matches.
+/// Takes the weights of `source`, which lies on the target, over to it. `tests` are those of the matches.
 pub(super) fn take_over(
     (source, weights, tests): (&TriangleMesh, &SkinWeights, &RejectionSettings),
     target: Surroundings<'_>,
-    (alignment, shares): (&Alignment<'_>, &[f64]),
     choice: &ResolvedChoice<PartPolicy>,
     progress: &Progress,
 ) -> Result<TakenOver, RetargetError> {
@@ -63,18 +62,16 @@ pub(super) fn take_over(
     let placed = SourceWeights { surface, rows: &source_rows };
     let parts = plan_parts(target.mesh, &accepted, placed, choice);
     let filling = InpaintSettings::default();
-    let mut filled =
+    let filled =
         weigh_parts(target.mesh, &parts, &rows, &known, placed, &filling, progress).map_err(spectral)?;
     let origin = origins(&filled, &accepted);
-    mix_skeleton_weights(&mut filled.rows, target.mesh.vertices(), alignment, shares, |v| {
-        origin[v] != Origin::Part
-    });
     Ok(TakenOver {
         rows: filled.rows,
         parts: filled.parts,
         matched: origin.iter().map(|&origin| origin == Origin::Matched).collect(),
         origin,
         correspondence: matches.iter().map(|found| nearest(found, source)).collect(),
+        matches: on_vertices(&matches, source),
     })
 }
 
