@@ -53,6 +53,8 @@ METHODS = {
     "inpainting": weight_peers.robust_inpainting,
     "paper": ours("paper"),
     "eq. 2": weight_peers.eq_2,
+    "volumetric": weight_peers.volumetric,
+    "bone heat": weight_peers.automatic,
 }
 TIME_LIMIT = 600
 

@@ -5,6 +5,8 @@ the source's surface goes over Dermis' bone map where the two skeletons differ. 
 to the same height and centre first; a garment stays where it is worn.
 """
 
+from dataclasses import replace
+
 import igl
 import numpy as np
 import robust_laplacian
@@ -129,3 +131,17 @@ def nearest_used(parents, used, bone):
     while parent >= 0 and parent not in used:
         parent = parents[parent]
     return parent
+
+
+def volumetric(pair):
+    """Weights from the target's skeleton alone, through its volume, among the bones that move skin in truth."""
+    bones = pair.target.weights.any(axis=0)
+    return bind_weights(mesh_of(pair.target), skeleton_of(pair.given), bones=bones).to_dense()
+
+
+def automatic(pair):
+    """Blender's automatic weights among the bones that move skin in truth; needs Blender as a Python module."""
+    from bone_heat import bone_heat
+
+    joints = {name: getattr(pair.given, name) for name in ("heads", "tails")}
+    return bone_heat(replace(pair.target, **joints), np.flatnonzero(pair.target.weights.any(axis=0)))
