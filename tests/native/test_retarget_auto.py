@@ -32,7 +32,7 @@ BOUNDS = {
     "random_3": 0.11,
 }
 # Weights that another hand has painted: part of the error is taste.
-SHARED_BOUNDS = {"wolf_husky": 0.42, "husky_wolf": 0.44, "male_zombie": 0.2, "zombie_male": 0.2}
+SHARED_BOUNDS = {"wolf_husky": 0.42, "husky_wolf": 0.42, "male_zombie": 0.15, "zombie_male": 0.12}
 # Garments on their wearers, whose weights were made by the closest point of the body.
 WORN_BOUNDS = {"default_tights": 0.05, "heavy_casualsuit": 0.075}
 
@@ -114,7 +114,8 @@ def worm(length, radius, joint, wavy=0.0):
     around, along = 24, 48
     angle, height = np.meshgrid(np.arange(around) * 2 * np.pi / around, np.linspace(0, 1, along))
     wide = radius * (1 + wavy * np.sin(14 * height)) * np.sqrt(np.clip(1 - (2 * height - 1) ** 8, 0.04, None))
-    vertices = np.stack([wide * np.cos(angle + 0.1), wide * np.sin(angle + 0.1), length * height], axis=-1).reshape(-1, 3)
+    vertices = np.stack([wide * np.cos(angle + 0.1), wide * np.sin(angle + 0.1), length * height], axis=-1)
+    vertices = vertices.reshape(-1, 3)
     v = np.arange(around * along).reshape(along, around)
     a, b, c, d = v[:-1], np.roll(v[:-1], -1, 1), np.roll(v[1:], -1, 1), v[1:]
     sides = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])

@@ -32,7 +32,7 @@ use crate::rig::{BoneMap, Skeleton, distance_to_segment};
 use crate::skinning::SkinWeights;
 
 /// Distance left, relative to the radius, up to which shapes are alike,
-const ALIKE: f64 = 0.06;
+const ALIKE: f64 = 0.07;
 /// and from which on they differ altogether.
 const DIFFERENT: f64 = 0.09;
 /// Edges from the border of the matched surface over which trust in matches grows.
