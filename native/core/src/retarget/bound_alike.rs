@@ -52,14 +52,6 @@ pub(super) fn bind_alike(
     };
     let tried = (0..=SHARES).map(|k| k as f64 / SHARES as f64).map(|share| (share, off(share)));
     let share = tried.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.5, |tried| tried.0);
-    if std::env::var("DERMIS_REL").is_ok() {
-        eprintln!(
-            "SHARE {share} heat {} vol {} mix {}",
-            off(1.0) / painted.len() as f64,
-            off(0.0) / painted.len() as f64,
-            off(share) / painted.len() as f64
-        );
-    }
     let of_target = match share {
         share if share >= 1.0 => by_heat(target, None, progress)?,
         share if share <= 0.0 => by_volume(target, progress)?,

@@ -20,8 +20,8 @@ use super::icp::Surroundings;
 use super::inpaint::{Row, blend, normalized};
 use super::joint_refinement::Alignment;
 use super::joint_system::largest_bone;
-use super::part_shapes::part_shapes;
-use super::parts::{Part, PartPolicy, is_in_pieces, mean_row, spread};
+use super::part_shapes::{PartShape, part_shapes};
+use super::parts::{Part, PartPolicy, mean_row, spread};
 use super::rejection::SurfaceMatch;
 use super::shell::Shell;
 use super::unclaimed::Unclaimed;
@@ -32,7 +32,7 @@ use crate::rig::{BoneMap, Skeleton, distance_to_segment};
 use crate::skinning::SkinWeights;
 
 /// Distance left, relative to the radius, up to which shapes are alike,
-const ALIKE: f64 = 0.06;
+const ALIKE: f64 = 0.07;
 /// and from which on they differ altogether.
 const DIFFERENT: f64 = 0.09;
 /// Edges from the border of the matched surface over which trust in matches grows.
@@ -119,14 +119,6 @@ impl Differing {
             Bindable { surface: to, skeleton: target.skeleton, takes_part: &takes_part },
             progress,
         )?;
-        if let Ok(path) = std::env::var("DERMIS_DUMP") {
-            let text: String = bound
-                .target
-                .iter()
-                .map(|row| row.iter().map(|(b, w)| format!("{b} {w} ")).collect::<String>() + "\n")
-                .collect();
-            let _ = std::fs::write(path, text);
-        }
         let divided = |weights: SkinWeights| match unclaimed {
             Some(unclaimed) => unclaimed.share(&weights, &bound.target),
             None => weights,
@@ -146,7 +138,7 @@ impl Differing {
         };
         let rows: Vec<(Row, Row)> = (0..self.matches.len()).into_par_iter().map(row).collect();
         let (own, mut handed): (Vec<Row>, Vec<Row>) = rows.into_iter().unzip();
-        self.keep_parts(target.mesh, &own, &mut handed);
+        self.keep_parts(target, &takes_part, &own, &mut handed);
         let mixed = own
             .iter()
             .zip(&handed)
@@ -174,16 +166,27 @@ impl Differing {
         trust
     }
 
-    /// Rigid parts stay rigid, and those that the source has too go as there.
-    fn keep_parts(&self, target: &TriangleMesh, own: &[Row], handed: &mut [Row]) {
-        let in_pieces = is_in_pieces(&part_shapes(target).0);
+    /// Rigid parts stay rigid, and those that the source has too go as there. A part that a bone
+    /// runs through is a piece of the body, such as a finger of a jointed doll.
+    fn keep_parts(&self, target: Side<'_>, takes_part: &[bool], own: &[Row], handed: &mut [Row]) {
+        let (shapes, of) = part_shapes(target.mesh);
         for part in self.parts.iter().filter(|part| part.policy != PartPolicy::Match) {
+            let Some(&first) = part.vertices.first() else { continue };
+            let shape = &shapes[of[first as usize] as usize];
             if part.like.is_some() {
                 part.vertices.iter().for_each(|&v| handed[v as usize].clone_from(&own[v as usize]));
-            } else if part.policy == PartPolicy::Rigid && !in_pieces {
+            } else if part.policy == PartPolicy::Rigid && !has_bone(shape, target.skeleton, takes_part) {
                 let mean = mean_row(&part.vertices, handed);
                 part.vertices.iter().for_each(|&v| handed[v as usize].clone_from(&mean));
             }
         }
     }
+}
+
+/// Whether a bone runs through the middle of a part.
+fn has_bone(part: &PartShape, skeleton: &Skeleton, takes_part: &[bool]) -> bool {
+    (0..takes_part.len()).filter(|&bone| takes_part[bone]).any(|bone| {
+        let (head, tail) = (skeleton.heads()[bone], skeleton.tails()[bone]);
+        distance_to_segment(part.centre, head, tail) < 0.5 * part.lengths[2]
+    })
 }

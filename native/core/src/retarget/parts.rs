@@ -80,8 +80,9 @@ pub fn plan_parts(
     let (source_shapes, _) = part_shapes(source.surface.mesh);
     // A shoe alone is a small part of a character, so the source has a say in what is large.
     let whole = extent(target).max(source.surface.shell.extent);
+    let area: f64 = shapes.iter().map(|shape| shape.area).sum();
     let body = (0..shapes.len()).rev().max_by(|&a, &b| shapes[a].area.total_cmp(&shapes[b].area));
-    let in_pieces = is_in_pieces(&shapes);
+    let in_pieces = body.is_none_or(|body| shapes[body].area < BODY * area);
     let source_body = largest(&source_shapes);
     let plan = |(index, shape): (usize, &PartShape)| {
         let is_body = Some(index) == body;
@@ -117,12 +118,6 @@ pub fn plan_parts(
         Part { vertices: shape.vertices.clone(), policy, is_body, like }
     };
     shapes.par_iter().enumerate().map(plan).collect()
-}
-
-/// Whether no part is the body, but all together are.
-pub(super) fn is_in_pieces(shapes: &[PartShape]) -> bool {
-    let area: f64 = shapes.iter().map(|shape| shape.area).sum();
-    largest(shapes).is_none_or(|body| shapes[body].area < BODY * area)
 }
 
 /// Mean of rows, scaled to a sum of 1.
