@@ -9,6 +9,7 @@ import bpy
 from ..core.errors import InputError
 from .baked_weights import check_kept_weights, restore_kept_weights
 from .mesh_cache import find_cache
+from .offset_keys import remove_keys
 from .skin_key import find_key
 from .skin_state import registry
 
@@ -46,7 +47,7 @@ def back_to_live(objects: Sequence[bpy.types.Object]) -> list[Path]:
             ob.modifiers.remove(cache)
         kept = ob.dermis_skin
         if kept.baked == "KEYS":
-            _remove_keys(ob, kept.baked_keys.split("\n"))
+            remove_keys(ob, kept.baked_keys.split("\n"))
         elif kept.baked == "WEIGHTS":
             restore_kept_weights(ob)
         key = find_key(ob)
@@ -58,16 +59,6 @@ def back_to_live(objects: Sequence[bpy.types.Object]) -> list[Path]:
         ob.update_tag(refresh={"OBJECT"})
     used = {_path(m) for ob in bpy.data.objects for m in ob.modifiers if m.type == "MESH_CACHE"}
     return sorted(files - used)
-
-
-def _remove_keys(ob: bpy.types.Object, names: Sequence[str]) -> None:
-    active = ob.active_shape_key_index
-    for name in names:
-        key = ob.data.shape_keys.key_blocks.get(name)
-        if key is not None:
-            key.driver_remove("value")
-            ob.shape_key_remove(key)
-    ob.active_shape_key_index = min(active, len(ob.data.shape_keys.key_blocks) - 1)
 
 
 def _path(cache: bpy.types.MeshCacheModifier) -> Path:

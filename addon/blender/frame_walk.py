@@ -7,7 +7,7 @@ from time import monotonic
 import bpy
 import numpy as np
 
-from ..core.frame_range import FrameRange
+from ..core.frame_range import FrameList, FrameRange
 from .skin_handlers import paused
 
 # Channels of a posed bone and their width.
@@ -24,7 +24,7 @@ class FrameWalk:
     def __init__(
         self,
         scene: bpy.types.Scene,
-        frames: FrameRange,
+        frames: FrameRange | FrameList,
         armatures: Sequence[bpy.types.Object],
         read: Callable[[bpy.types.Depsgraph], None],
     ) -> None:
@@ -37,7 +37,7 @@ class FrameWalk:
     @property
     def fraction(self) -> float:
         """Share of the samples read."""
-        return self._next / len(self._frames)
+        return self._next / max(len(self._frames), 1)
 
     def step(self, seconds: float) -> bool:
         """Go on for about so long; true when all was read, and the scene is back at its own frame."""
@@ -57,7 +57,7 @@ class FrameWalk:
 
     def restore(self) -> None:
         """Back to the frame and the pose where it began."""
-        if self._restored:
+        if self._restored or self._next == 0:
             return
         self._restored = True
         self._scene.frame_set(self._place[0], subframe=self._place[1])

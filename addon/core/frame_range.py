@@ -29,3 +29,24 @@ class FrameRange:
         """Frame and subframe of a sample."""
         whole, part = divmod(index, self.per_frame)
         return self.start + whole, part / self.per_frame
+
+
+@dataclass(frozen=True)
+class FrameList:
+    """Chosen frames and subframes, in order."""
+
+    places: tuple[tuple[int, float], ...]
+
+    @classmethod
+    def spread(cls, frames: FrameRange, most: int) -> FrameList:
+        """At most so many of a range's samples, evenly spread, its ends included."""
+        count = len(frames)
+        chosen = range(count) if count <= most else (round(i * (count - 1) / (most - 1)) for i in range(most))
+        return cls(tuple(frames.place(index) for index in chosen))
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def place(self, index: int) -> tuple[int, float]:
+        """Frame and subframe of a sample."""
+        return self.places[index]

@@ -66,6 +66,13 @@ class SkinFrames:
         mix = self.mixed(sample)
         return self._in_object(self._solved_offsets(sample, None if mix is None else self._in_solver(mix)))
 
+    def acting_offsets(self, sample: PoseSample) -> Weights:
+        """What the skin's shape key adds (V,3) in the object's space, at its value and behind its mask."""
+        if not sample.deformed or not sample.influence:
+            return np.zeros_like(self.rest)
+        offsets = np.float32(sample.influence) * self.offsets(sample)
+        return offsets if self.mask is None else offsets * self.mask[:, None]
+
     def positions(self, sample: PoseSample) -> Weights:
         """What the Armature modifier shows (V,3) in the object's space, the skin's key included."""
         mix = self.mixed(sample)

@@ -4,9 +4,12 @@
 import bpy
 
 from ..blender.bake_state import is_baked
+from .bake_driven_keys import DERMIS_OT_bake_driven_keys
 from .bake_options import draw_frames
 from .bake_point_cache import DERMIS_OT_bake
 from .bake_remove import DERMIS_OT_bake_remove
+from .bake_shape_key import DERMIS_OT_bake_shape_key
+from .bake_weights import DERMIS_OT_bake_weights
 from .panel import SidebarPanel
 from .skin_selection import chosen_meshes
 
@@ -38,6 +41,10 @@ class DERMIS_PT_bake(SidebarPanel, bpy.types.Panel):
         column.prop(kept, "samples_per_frame")
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator(DERMIS_OT_bake.bl_idname, icon="FILE_CACHE")
+        column = layout.column(align=True)
+        column.operator(DERMIS_OT_bake_shape_key.bl_idname, icon="SHAPEKEY_DATA")
+        column.operator(DERMIS_OT_bake_driven_keys.bl_idname, icon="DRIVER")
+        column.operator(DERMIS_OT_bake_weights.bl_idname, icon="MOD_VERTEX_WEIGHT")
         baked = [ob for ob in chosen_meshes(context) if is_baked(ob)]
         if baked:
             column = layout.column(align=True)

@@ -18,8 +18,11 @@ from . import (
     skin_panel,
     skin_properties,
 )
+from .bake_driven_keys import DERMIS_OT_bake_driven_keys
 from .bake_point_cache import DERMIS_OT_bake
 from .bake_remove import DERMIS_OT_bake_remove
+from .bake_shape_key import DERMIS_OT_bake_shape_key
+from .bake_weights import DERMIS_OT_bake_weights
 from .bind_weights import DERMIS_OT_bind_weights
 from .bone_map_add import DERMIS_OT_bone_map_add
 from .bone_map_clear import DERMIS_OT_bone_map_clear
@@ -51,6 +54,9 @@ CLASSES = (
     DERMIS_OT_skin_enable,
     DERMIS_OT_skin_disable,
     DERMIS_OT_bake,
+    DERMIS_OT_bake_shape_key,
+    DERMIS_OT_bake_driven_keys,
+    DERMIS_OT_bake_weights,
     DERMIS_OT_bake_remove,
     *panel.CLASSES,
     *bone_map_panel.CLASSES,
