@@ -10,7 +10,7 @@ from ..core.errors import InputError
 from .baked_weights import check_kept_weights, restore_kept_weights
 from .mesh_cache import find_cache
 from .offset_keys import remove_keys
-from .skin_key import find_key
+from .skin_key import find_key, write_offsets
 from .skin_state import registry
 
 
@@ -20,11 +20,15 @@ def is_baked(ob: bpy.types.Object) -> bool:
 
 
 def switch_off(ob: bpy.types.Object, kind: str) -> None:
-    """Let something baked stand in for the live skin: it is not solved any more, and its key is muted."""
+    """Let something baked stand in for the live skin: it is not solved any more, and its key does nothing.
+
+    The key is muted, and emptied too: exporters write muted keys with their values.
+    """
     kept = ob.dermis_skin
     key = find_key(ob)
     kept.key_was_muted = key.mute
     key.mute = True
+    write_offsets(ob, None)
     kept.baked = kind
     registry.forget(ob)
 

@@ -21,7 +21,7 @@ from .pose_readers import PoseReader
 # A joint moves the vertices whose correction comes to this share of its largest.
 TOUCHED = 0.01
 # Weight of a key's own size in the fit, against overshooting where samples say little.
-RIDGE = 1e-3
+RIDGE = 1e-4
 # A key that takes away less than this share of all is not worth having.
 LEAST_GAIN = 2e-4
 

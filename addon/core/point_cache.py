@@ -149,12 +149,13 @@ def join_caches(parts: Sequence[Path], target: Path) -> CacheLayout:
     ordered = sorted(parts, key=lambda path: (float(layouts[path].times[0]), -len(layouts[path].times)))
     first = layouts[ordered[0]]
     step = max(layout.step for layout in layouts.values())
+    for path in ordered:
+        if (layouts[path].format, layouts[path].vertex_count) != (first.format, first.vertex_count):
+            raise InputError(f"'{path.name}' has another format or number of vertices than '{ordered[0].name}'.")
     places: dict[int, tuple[Path, int]] = {}
     times: dict[int, float] = {}
     for path in ordered:
         layout = layouts[path]
-        if (layout.format, layout.vertex_count) != (first.format, first.vertex_count):
-            raise InputError(f"'{path.name}' has another format or number of vertices than '{ordered[0].name}'.")
         if len(layout.times) > 1 and abs(layout.step - step) > 1e-3 * step:
             raise InputError(f"'{path.name}' has another step between its samples than the other parts.")
         for index, time in enumerate(layout.times.tolist()):

@@ -169,4 +169,4 @@ def readers_of(
 
 
 def _number(value: float) -> str:
-    return f"{value:.6g}" if value >= 0 else f"({value:.6g})"
+    return f"{value:.9g}" if value >= 0 else f"({value:.9g})"
