@@ -153,6 +153,38 @@ def test_parts_out_of_order_give_the_same_bytes(tmp_path):
     assert (tmp_path / "again" / "shot_Limb.pc2").read_bytes() == whole
 
 
+@pytest.mark.parametrize("kind", ["PC2", "MDD"])
+def test_playing_parts(tmp_path, kind):
+    ob, _ = b.animated_limb()
+    b.saved(tmp_path)
+    live = {place: b.at(ob, *place) for place in ((3, 0.5), (6, 0.0), (11, 0.5))}
+    before = b.everything(ob)
+    parts = tmp_path / "parts"
+    for start, end in ((6, 13), (1, 6)):
+        b.bake(
+            ob, directory=str(parts / str(start)), file_format=kind, samples_per_frame=2,
+            use_scene_range=False, frame_start=start, frame_end=end, play=False,
+        )  # fmt: skip
+        (parts / str(start) / f"shot_Limb.{kind.lower()}").rename(parts / f"{start}.cache")
+    c.activate(ob)
+    with pytest.raises(RuntimeError, match="Select the files"):
+        bpy.ops.dermis.bake_join(directory=str(parts))
+    with pytest.raises(RuntimeError, match="No such file"):
+        bpy.ops.dermis.bake_join(directory=str(parts), files=[{"name": "none"}])
+    (parts / "bad").write_text("no cache at all")
+    with pytest.raises(RuntimeError, match="'bad' is neither"):
+        bpy.ops.dermis.bake_join(directory=str(parts), files=[{"name": "1.cache"}, {"name": "bad"}])
+    assert not [path for path in tmp_path.iterdir() if "Limb" in path.name]
+    bpy.context.scene.frame_set(1)
+    files = [{"name": "6.cache"}, {"name": "1.cache"}]
+    assert bpy.ops.dermis.bake_join(directory=str(parts), files=files) == {"FINISHED"}
+    for place, wanted in live.items():
+        np.testing.assert_allclose(b.at(ob, *place), wanted, atol=TOLERANCE)
+    assert b.bake(ob, operator="bake_remove") == {"FINISHED"}
+    bpy.context.scene.frame_set(int(before[-1][0]))
+    assert b.everything(ob)[:-1] == before[:-1]
+
+
 def test_several_objects_at_once(tmp_path):
     ob, rig = b.animated_limb()
     other = c.mesh_object("Lim:b", *c.tube(12, 19))

@@ -149,6 +149,27 @@ def test_escape_leaves_nothing(windowed, tmp_path, steps):
     assert context.window_manager.timers == []
 
 
+@pytest.mark.parametrize("name", ["bake_driven_keys", "bake_weights", "bake_shape_key"])
+@pytest.mark.parametrize("steps", [2, 14])
+def test_escape_of_the_other_bakes(windowed, name, steps):
+    """While poses are read; and right after, while keys are chosen or weights are fitted."""
+    ob, _ = windowed
+    bpy.context.scene.timeline_markers.new("One", frame=2)
+    bpy.context.scene.timeline_markers.new("Two", frame=9)
+    bpy.context.scene.frame_set(5)
+    operator, context = stand_in_for(name), Context()
+    operator.poses = "MARKERS" if name == "bake_shape_key" else "BOTH"
+    before, live = b.everything(ob), s.shown(ob).tobytes()
+    assert operator.invoke(context, None) == {"RUNNING_MODAL"}
+    for _ in range(0 if name == "bake_shape_key" else steps):
+        operator.modal(context, event("TIMER"))
+    operator.modal(context, event("ESC", "PRESS"))
+    assert ended(operator, context) == {"CANCELLED"}
+    assert operator.reports == [("WARNING", "Cancelled. Nothing was changed.")]
+    assert b.everything(ob) == before
+    assert s.shown(ob).tobytes() == live
+
+
 def test_mesh_removed_meanwhile(windowed):
     ob, operator = windowed
     context = Context()

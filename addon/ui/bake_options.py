@@ -6,6 +6,9 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty, 
 
 from ..core.frame_range import FrameRange
 
+# From 4.5 on Blender wants to be told of properties that understand "//".
+RELATIVE = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
+
 
 class FrameOptions:
     """Which frames."""
@@ -40,6 +43,7 @@ class CacheOptions:
         description="Folder of the cache files; // is the folder of this file",
         subtype="DIR_PATH",
         default="//",
+        options=RELATIVE,
     )
     file_format: EnumProperty(
         name="Format",

@@ -5,6 +5,7 @@ import bpy
 
 from ..blender.bake_state import is_baked
 from .bake_driven_keys import DERMIS_OT_bake_driven_keys
+from .bake_join import DERMIS_OT_bake_join
 from .bake_options import draw_frames
 from .bake_point_cache import DERMIS_OT_bake
 from .bake_remove import DERMIS_OT_bake_remove
@@ -14,7 +15,7 @@ from .panel import SidebarPanel
 from .skin_selection import chosen_meshes
 
 STANDING_IN = {
-    "": "Point cache",
+    "": "Point cache",  # of a library override, which keeps nothing but the modifier
     "CACHE": "Point cache",
     "KEYS": "Shape keys",
     "WEIGHTS": "Fitted weights",
@@ -40,11 +41,13 @@ class DERMIS_PT_bake(SidebarPanel, bpy.types.Panel):
         column.prop(kept, "file_format")
         column.prop(kept, "samples_per_frame")
         layout.operator_context = "INVOKE_DEFAULT"
-        layout.operator(DERMIS_OT_bake.bl_idname, icon="FILE_CACHE")
+        row = layout.row(align=True)
+        row.operator(DERMIS_OT_bake.bl_idname, icon="FILE_CACHE")
+        row.operator(DERMIS_OT_bake_join.bl_idname, text="", icon="FILEBROWSER")
         column = layout.column(align=True)
-        column.operator(DERMIS_OT_bake_shape_key.bl_idname, icon="SHAPEKEY_DATA")
         column.operator(DERMIS_OT_bake_driven_keys.bl_idname, icon="DRIVER")
         column.operator(DERMIS_OT_bake_weights.bl_idname, icon="MOD_VERTEX_WEIGHT")
+        column.operator(DERMIS_OT_bake_shape_key.bl_idname, icon="SHAPEKEY_DATA")
         baked = [ob for ob in chosen_meshes(context) if is_baked(ob)]
         if baked:
             column = layout.column(align=True)

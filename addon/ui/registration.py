@@ -19,6 +19,7 @@ from . import (
     skin_properties,
 )
 from .bake_driven_keys import DERMIS_OT_bake_driven_keys
+from .bake_join import DERMIS_OT_bake_join
 from .bake_point_cache import DERMIS_OT_bake
 from .bake_remove import DERMIS_OT_bake_remove
 from .bake_shape_key import DERMIS_OT_bake_shape_key
@@ -54,6 +55,7 @@ CLASSES = (
     DERMIS_OT_skin_enable,
     DERMIS_OT_skin_disable,
     DERMIS_OT_bake,
+    DERMIS_OT_bake_join,
     DERMIS_OT_bake_shape_key,
     DERMIS_OT_bake_driven_keys,
     DERMIS_OT_bake_weights,

@@ -86,6 +86,9 @@ class DERMIS_PT_skin_settings(SidebarPanel, bpy.types.Panel):
 
 
 def _draw_skin(layout, ob, title, context):
+    if ob.dermis_skin.baked:
+        layout.label(text=f"{title}: baked" if title == ob.name else "Baked", icon="CHECKMARK")
+        return
     key = find_key(ob)
     if key is None:
         layout.label(text=title, icon="OUTLINER_OB_MESH")
