@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 import pytest
 import skins as s
+from mathutils import Matrix
 
 
 def motion(ob, rig=None):
@@ -45,6 +46,26 @@ def test_keys_keep_the_wanted_share(output):
     assert b.everything(ob) == before
     assert ob.data.shape_keys.animation_data is None
     np.testing.assert_array_equal(motion(ob), live)
+
+
+@pytest.mark.parametrize("preserve", [False, True])
+@pytest.mark.parametrize("segments", [1, 3])
+def test_places_modifiers_and_segments(preserve, segments):
+    ob, rig = s.limb()
+    rig.data.bones["middle"].bbone_segments = segments
+    rig.matrix_world = Matrix.Rotation(0.7, 4, (1, 2, 3)) @ Matrix.Diagonal((0.1, 0.1, 0.1, 1))
+    ob.modifiers["Armature"].use_deform_preserve_volume = preserve
+    flex = [ob.shape_key_add(name=name) for name in ("Basis", "Flex")][1]
+    for point in flex.points:
+        point.co.x *= 1.1
+    flex.value = 0.5
+    s.animate(rig, b.FRAMES)
+    s.animate(rig, ((1, 0.0), (13, -50.0)), "upper", 2)
+    bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 13
+    s.enable(rig)
+    live, plain = motion(ob, rig)
+    assert b.bake(rig, operator="bake_driven_keys", kept=0.9) == {"FINISHED"}
+    assert b.kept_share(live, plain, motion(ob)) > 0.88
 
 
 def test_drivers_are_plain_ones():

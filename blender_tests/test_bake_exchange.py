@@ -71,6 +71,8 @@ def matched(points, others):
 
 
 @pytest.mark.parametrize("output", ["DRIVERS", "KEYFRAMES"])
+# Of Blender's own exporters.
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.parametrize("kind", ["fbx", "glb"])
 def test_driven_keys_come_back(figure, tmp_path, kind, output):
     ob, rig = figure

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Weights refitted to the live skin."""
 
+import re
+
 import bakes as b
 import bpy
 import characters as c
 import numpy as np
 import pytest
 import skins as s
+from mathutils import Matrix
 
 
 def motion(ob, shared=range(1, 14)):
@@ -34,6 +37,30 @@ def test_weights_come_nearer_and_the_way_back_is_exact():
     assert b.everything(ob) == before
     np.testing.assert_array_equal(motion(ob), live)
     assert s.state(ob).notice == ""
+
+
+def test_the_report_is_what_blender_shows(capfd):
+    """In an object with other axes than the world's, with another key acting and half of it masked."""
+    ob, rig = s.limb()
+    rig.matrix_world = Matrix.Rotation(0.7, 4, (1, 2, 3)) @ Matrix.Diagonal((0.2, 0.2, 0.2, 1))
+    flex = [ob.shape_key_add(name=name) for name in ("Basis", "Flex")][1]
+    for point in flex.points:
+        point.co.x *= 1.1
+    flex.value = 0.5
+    half = ob.vertex_groups.new(name="Half")
+    half.add([v.index for v in ob.data.vertices if v.co.x > 0], 0.6, "REPLACE")
+    ob.modifiers["Armature"].vertex_group = "Half"
+    s.animate(rig, b.FRAMES)
+    bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 13
+    s.enable(rig)
+    live, plain = motion(ob), []
+    for frame in range(1, 14):
+        bpy.context.scene.frame_set(frame)
+        plain.append(s.plain(ob))
+    capfd.readouterr()
+    assert b.bake(rig, operator="bake_weights", least=0.0, influences="8") == {"FINISHED"}
+    told = int(re.search(r"keep (\d+)% of the correction", capfd.readouterr().out)[1])
+    assert told == pytest.approx(100 * b.kept_share(live, plain, motion(ob)), abs=0.6)
 
 
 def test_weights_that_keep_too_little_are_not_written():

@@ -35,7 +35,6 @@ def add_cache(
     modifier.deform_mode = "OVERWRITE"
     modifier.interpolation = "LINEAR"
     modifier.forward_axis, modifier.up_axis = "POS_Y", "POS_Z"
-    modifier.flip_axis = (False, False, False)
     modifier.factor = 1.0
     # Sample = scale · time - start, with the scene's time after its own stretching.
     modifier.play_mode, modifier.time_mode = "SCENE", "FRAME"

@@ -20,7 +20,7 @@ MOST_CANDIDATES = 12
 # Corrections below this share of the height are none.
 STILL = 1e-5
 # Vertices whose Gram matrices are held at a time.
-CHUNK = 20_000
+CHUNK = 4_000
 
 
 @dataclass(frozen=True)
