@@ -10,7 +10,7 @@ fit to all samples at once, so that keys that act together add up to what was sa
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,8 @@ TOUCHED = 0.01
 RIDGE = 1e-4
 # A key that takes away less than this share of all is not worth having.
 LEAST_GAIN = 2e-4
+# Vertices that share less than this of all do not take part in the choice.
+NEGLIGIBLE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -68,23 +70,56 @@ class ChosenKeys:
 
 @dataclass
 class _Group:
-    """Vertices that the same joints move."""
+    """Vertices that the same joints move.
+
+    The choice needs only the products of samples with each other, so its cost does not grow with the vertices:
+    gram and left (R,R) are those of the offsets and of what the chosen keys leave of them, in the samples
+    `rows`. columns are the keys that act here, basis (R,k) spans their values; gains
+    holds for each joint how much each of its readers would take away besides them.
+    """
 
     vertices: npt.NDArray[np.intp]
     joints: tuple[int, ...]
     rows: npt.NDArray[np.intp]
-    target: Weights  # (rows, 3 vertices)
-    residual: Weights
-    columns: list[int]
-    shapes: Floats  # (columns, 3 vertices)
+    whole: Flags
+    gram: Floats
+    left: Floats
+    basis: Floats
+    columns: list[int] = field(default_factory=list)
+    gains: dict[int, Floats] = field(default_factory=dict)
 
     def fit(self, design: Floats) -> None:
-        """Shapes of the chosen keys from the design (S,K) of all chosen keys."""
+        """Take what the chosen keys of the design (S,K) give away."""
         part = design[self.rows][:, self.columns]
-        gram = part.T @ part
-        gram += RIDGE * np.trace(gram) / max(len(gram), 1) * np.eye(len(gram))
-        self.shapes = np.linalg.solve(gram, part.T @ self.target)
-        self.residual = (self.target - part @ self.shapes).astype(np.float32)
+        still = np.eye(len(self.rows)) - part @ _solution(part)
+        self.left = still @ self.gram @ still.T
+        self.basis = np.asarray(np.linalg.qr(part)[0], np.float64)
+
+    @property
+    def error(self) -> float:
+        """Square of what is left in the whole poses."""
+        return float(np.diagonal(self.left)[self.whole].sum())
+
+    def weigh(self, values: Sequence[Floats], small: float) -> None:
+        """Find how much each reader of each joint would take away besides the chosen keys (squared)."""
+        self.gains = {}
+        if np.trace(self.left) <= small:
+            return
+        for joint in self.joints:
+            candidates = values[joint][:, self.rows]
+            before = np.square(candidates).sum(axis=1)
+            candidates = candidates - (candidates @ self.basis) @ self.basis.T
+            size = np.square(candidates).sum(axis=1)
+            reach = np.einsum("kr,kr->k", candidates @ self.left, candidates)
+            alive = size > 1e-6 * np.maximum(before, 1e-12)
+            self.gains[joint] = np.where(alive, reach / np.maximum(size, 1e-300), 0.0)
+
+
+def _solution(part: Floats) -> Floats:
+    """Matrix (k,R) from samples to the shapes of keys whose values are `part` (R,k)."""
+    gram = part.T @ part
+    gram += RIDGE * np.trace(gram) / max(len(gram), 1) * np.eye(len(gram))
+    return np.asarray(np.linalg.solve(gram, part.T), np.float64)
 
 
 def choose_keys(
@@ -96,93 +131,77 @@ def choose_keys(
 
     `check` hears of the progress, 0 to 1, and may raise to stop.
     """
-    groups = _groups(samples)
     whole = samples.owner < 0
     if not whole.any():
         whole = np.ones_like(whole)
+    groups = _groups(samples, whole)
     total = float(np.square(samples.offsets[whole], dtype=np.float64).sum())
     everything = float(np.square(samples.offsets, dtype=np.float64).sum())
-    outside = total - sum(_of_whole(group, group.target, whole) for group in groups)
+    outside = max(total - sum(group.error for group in groups), 0.0)
     chosen: list[tuple[int, int]] = []
     design = np.empty((len(samples.owner), 0))
     share = 0.0
-    gains: dict[int, tuple[float, int]] = {}
-    stale = set(range(len(samples.readers)))
+    small = NEGLIGIBLE * everything
+    gains = [np.zeros(len(values)) for values in samples.values]
+    for group in groups:
+        group.weigh(samples.values, small)
     while total > 0 and share < kept and len(chosen) < most:
-        for joint in stale:
-            gains[joint] = _best(samples, groups, joint, design, chosen)
-        if not gains:
+        for joint, values in enumerate(gains):
+            values[:] = sum(group.gains[joint] for group in groups if joint in group.gains)
+        for joint, reader in chosen:
+            gains[joint][reader] = 0.0
+        joint = max(range(len(gains)), key=lambda j: (float(gains[j].max(initial=0.0)), -j), default=-1)
+        if joint < 0 or gains[joint].max(initial=0.0) <= LEAST_GAIN * everything:
             break
-        joint = max(gains, key=lambda j: (gains[j][0], -j))
-        gain, reader = gains[joint]
-        if gain <= LEAST_GAIN * everything:
-            break
+        reader = int(np.argmax(gains[joint]))
         chosen.append((joint, reader))
         design = np.column_stack([design, samples.values[joint][reader]])
-        stale = set()
         for group in groups:
             if joint in group.joints:
                 group.columns.append(len(chosen) - 1)
                 group.fit(design)
-                stale.update(group.joints)
-        left = outside + sum(_of_whole(group, group.residual, whole) for group in groups)
+                group.weigh(samples.values, small)
+        left = outside + sum(group.error for group in groups)
         share = 1.0 - float(np.sqrt(max(left, 0.0) / total))
         check(max(share / kept, len(chosen) / most))
-    return ChosenKeys(_keys(samples, groups, chosen), share)
+    return ChosenKeys(_keys(samples, groups, chosen, design), share)
 
 
-def _groups(samples: JointSamples) -> list[_Group]:
+def _groups(samples: JointSamples, whole: Flags) -> list[_Group]:
     touched = samples.touched
     if not len(touched):
         return []
     patterns, place = np.unique(touched.T, axis=0, return_inverse=True)
+    order = np.argsort(place.ravel(), kind="stable")
+    bounds = np.searchsorted(place.ravel()[order], np.arange(len(patterns) + 1))
     found = []
     for number, pattern in enumerate(patterns):
         if not pattern.any():
             continue
         joints = tuple(np.flatnonzero(pattern).tolist())
-        vertices = np.flatnonzero(place.ravel() == number)
+        vertices = order[bounds[number] : bounds[number + 1]]
         rows = np.flatnonzero((samples.owner < 0) | np.isin(samples.owner, joints))
-        target = samples.offsets[np.ix_(rows, vertices)].reshape(len(rows), -1)
-        found.append(_Group(vertices, joints, rows, target, target, [], np.empty((0, target.shape[1]))))
+        target = _target(samples, rows, vertices)
+        gram = target @ target.T
+        found.append(_Group(vertices, joints, rows, whole[rows], gram, gram, np.empty((len(rows), 0))))
     return found
 
 
-def _of_whole(group: _Group, values: Weights, whole: Flags) -> float:
-    return float(np.square(values[whole[group.rows]], dtype=np.float64).sum())
+def _target(samples: JointSamples, rows: npt.NDArray[np.intp], vertices: npt.NDArray[np.intp]) -> Floats:
+    """Offsets (R, 3 vertices) of some samples and vertices."""
+    part = samples.offsets[np.ix_(rows, vertices)]
+    return np.asarray(part.reshape(len(rows), -1), np.float64)
 
 
-def _best(
-    samples: JointSamples, groups: list[_Group], joint: int, design: Floats, chosen: list[tuple[int, int]]
-) -> tuple[float, int]:
-    """The joint's reader that would take away most of what is left, and how much (squared)."""
-    values = samples.values[joint]
-    gains = np.zeros(len(values))
-    for group in groups:
-        if joint not in group.joints or not len(values):
-            continue
-        candidates = values[:, group.rows].copy()
-        if group.columns:
-            basis: Floats = np.linalg.qr(design[group.rows][:, group.columns].astype(np.float64))[0]
-            candidates -= (candidates @ basis) @ basis.T
-        size = np.square(candidates).sum(axis=1)
-        alive = size > 1e-6 * np.maximum(np.square(values[:, group.rows]).sum(axis=1), 1e-12)
-        reach = np.square(candidates[alive].astype(np.float32) @ group.residual, dtype=np.float64).sum(axis=1)
-        gains[alive] += reach / size[alive]
-    for other, reader in chosen:
-        if other == joint:
-            gains[reader] = 0.0
-    if not len(gains):
-        return 0.0, 0
-    best = int(np.argmax(gains))
-    return float(gains[best]), best
-
-
-def _keys(samples: JointSamples, groups: list[_Group], chosen: list[tuple[int, int]]) -> tuple[CorrectiveKey, ...]:
+def _keys(
+    samples: JointSamples, groups: list[_Group], chosen: list[tuple[int, int]], design: Floats
+) -> tuple[CorrectiveKey, ...]:
     shapes = np.zeros((len(chosen), samples.offsets.shape[1], 3), np.float32)
     for group in groups:
-        for column, shape in zip(group.columns, group.shapes, strict=True):
-            shapes[column, group.vertices] = shape.reshape(-1, 3)
+        if group.columns:
+            fitted = _solution(design[group.rows][:, group.columns]) @ _target(samples, group.rows, group.vertices)
+            for column, shape in zip(group.columns, fitted, strict=True):
+                shapes[column, group.vertices] = shape.reshape(-1, 3)
     return tuple(
         CorrectiveKey(samples.readers[joint][reader], joint, shapes[number])
         for number, (joint, reader) in enumerate(chosen)

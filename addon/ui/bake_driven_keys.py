@@ -38,7 +38,7 @@ class DERMIS_OT_bake_driven_keys(FrameOptions, BakeOperator, bpy.types.Operator)
         description="How far each joint bends in its range of motion; it twists half as far",
         min=math.radians(10.0),
         max=math.radians(150.0),
-        default=math.radians(90.0),
+        default=math.radians(60.0),
         subtype="ANGLE",
     )
     kept: FloatProperty(
