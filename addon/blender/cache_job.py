@@ -15,7 +15,7 @@ from ..core.point_cache import SUFFIXES, CacheFormat
 from .bake_source import BakeSource
 from .bake_state import back_to_live, is_baked, switch_off
 from .frame_walk import FrameWalk
-from .mesh_cache import add_cache
+from .mesh_cache import MODIFIER_NAME, add_cache
 from .sampled_task import SampledTask
 
 
@@ -87,6 +87,8 @@ def check_own(ob: bpy.types.Object) -> None:
         )
     if is_baked(ob):
         raise InputError(f"'{ob.name}' is baked already: use Back to Live first.")
+    if MODIFIER_NAME in ob.modifiers:
+        raise InputError(f"'{ob.name}' has another modifier named '{MODIFIER_NAME}': rename it.")
 
 
 def cache_paths(objects: Sequence[bpy.types.Object], folder: str, kind: CacheFormat) -> list[str]:

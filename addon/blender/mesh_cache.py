@@ -27,7 +27,8 @@ def add_cache(
     active = ob.modifiers.active
     modifier = ob.modifiers.new(MODIFIER_NAME, "MESH_CACHE")
     place = next(i for i, m in enumerate(ob.modifiers) if m == after) + 1
-    ob.modifiers.move(len(ob.modifiers) - 1, place)
+    # Not always from the end: pinned modifiers stay last.
+    ob.modifiers.move(ob.modifiers.find(modifier.name), place)
     if active is not None:
         ob.modifiers.active = active
     modifier.cache_format = kind

@@ -3,8 +3,10 @@
 
 import bpy
 
+from ..blender.armature import find_armature
 from ..blender.bake_source import keeps_no_key
 from ..blender.skin_state import is_live
+from ..blender.skin_switch import rigid_meshes
 from ..core.errors import InputError
 from .bake_options import fill_from_scene
 from .modal_job import ModalJobOperator
@@ -69,9 +71,14 @@ def live_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 def bakeable_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Those, and the meshes that cannot keep a live skin and are baked without one."""
+    """The meshes here with a skin; where none has one, those that cannot keep a live skin and are baked without."""
     chosen = chosen_meshes(context)
-    meshes = [ob for ob in chosen if ob.dermis_skin.enabled or keeps_no_key(ob)]
+    meshes = [ob for ob in chosen if ob.dermis_skin.enabled]
+    if not meshes:
+        keyless = [ob for ob in chosen if keeps_no_key(ob) and find_armature(ob) is not None]
+        # Eyes that share a mesh come with a character; no joint bends them.
+        rigid = rigid_meshes(keyless)
+        meshes = [ob for ob in keyless if ob not in rigid] or keyless
     if not meshes:
         raise InputError("No mesh here has a PBD skin: enable it first.")
     return meshes
