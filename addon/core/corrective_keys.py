@@ -73,8 +73,8 @@ class _Group:
     """Vertices that the same joints move.
 
     The choice needs only the products of samples with each other, so its cost does not grow with the vertices:
-    gram and left (R,R) are those of the offsets and of what the chosen keys leave of them, in the samples
-    `rows`. columns are the keys that act here, basis (R,k) spans their values; gains
+    first and left (R,r) have the same products as the offsets in the samples `rows` and as what the chosen keys
+    leave of them. columns are the keys that act here, basis (R,k) spans their values; gains
     holds for each joint how much each of its readers would take away besides them.
     """
 
@@ -82,7 +82,7 @@ class _Group:
     joints: tuple[int, ...]
     rows: npt.NDArray[np.intp]
     whole: Flags
-    gram: Floats
+    first: Floats
     left: Floats
     basis: Floats
     columns: list[int] = field(default_factory=list)
@@ -91,26 +91,25 @@ class _Group:
     def fit(self, design: Floats) -> None:
         """Take what the chosen keys of the design (S,K) give away."""
         part = design[self.rows][:, self.columns]
-        still = np.eye(len(self.rows)) - part @ _solution(part)
-        self.left = still @ self.gram @ still.T
+        self.left = self.first - part @ (_solution(part) @ self.first)
         self.basis = np.asarray(np.linalg.qr(part)[0], np.float64)
 
     @property
     def error(self) -> float:
         """Square of what is left in the whole poses."""
-        return float(np.diagonal(self.left)[self.whole].sum())
+        return float(np.square(self.left[self.whole]).sum())
 
     def weigh(self, values: Sequence[Floats], small: float) -> None:
         """Find how much each reader of each joint would take away besides the chosen keys (squared)."""
         self.gains = {}
-        if np.trace(self.left) <= small:
+        if np.square(self.left).sum() <= small:
             return
         for joint in self.joints:
             candidates = values[joint][:, self.rows]
             before = np.square(candidates).sum(axis=1)
             candidates = candidates - (candidates @ self.basis) @ self.basis.T
             size = np.square(candidates).sum(axis=1)
-            reach = np.einsum("kr,kr->k", candidates @ self.left, candidates)
+            reach = np.square(candidates @ self.left).sum(axis=1)
             alive = size > 1e-6 * np.maximum(before, 1e-12)
             self.gains[joint] = np.where(alive, reach / np.maximum(size, 1e-300), 0.0)
 
@@ -181,10 +180,19 @@ def _groups(samples: JointSamples, whole: Flags) -> list[_Group]:
         joints = tuple(np.flatnonzero(pattern).tolist())
         vertices = order[bounds[number] : bounds[number + 1]]
         rows = np.flatnonzero((samples.owner < 0) | np.isin(samples.owner, joints))
-        target = _target(samples, rows, vertices)
-        gram = target @ target.T
-        found.append(_Group(vertices, joints, rows, whole[rows], gram, gram, np.empty((len(rows), 0))))
+        first = _narrowed(_target(samples, rows, vertices))
+        found.append(_Group(vertices, joints, rows, whole[rows], first, first, np.empty((len(rows), 0))))
     return found
+
+
+def _narrowed(target: Floats) -> Floats:
+    """As few columns as have the products of the target's rows (R,n) with each other, but for a negligible rest."""
+    if target.shape[1] <= 8:
+        return target
+    values, vectors = np.linalg.eigh(target @ target.T)
+    values = np.maximum(values, 0.0)
+    kept = np.cumsum(values) > NEGLIGIBLE * values.sum()
+    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]), np.float64)
 
 
 def _target(samples: JointSamples, rows: npt.NDArray[np.intp], vertices: npt.NDArray[np.intp]) -> Floats:

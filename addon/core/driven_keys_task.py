@@ -21,6 +21,8 @@ from .skin_frames import PoseSample, SkinFrames
 LEAST_ANGLE = 0.09
 # Poses of one joint alone, taken from the frames.
 ALONE = 8
+# Poses in which about half of the joints take a rotation of their range at once.
+MIXED = 60
 # Bytes that the samples may take.
 MOST_BYTES = 2_000_000_000
 
@@ -125,7 +127,10 @@ class DrivenKeysTask(BackgroundTask[list[DrivenKeys]]):
         joints = [joint for joint in order.joints if _turns(joint)]
         rotations = [_rotations_alone(joint) for joint in joints]
         poses = [order.samples[index] for index in whole]
-        owner = [-1] * len(poses)
+        mixed = mixed_rotations(joints)
+        poses += [PoseSample(transforms) for transforms in _together(joints, mixed)]
+        complete = len(poses)
+        owner = [-1] * complete
         for number, (joint, turned) in enumerate(zip(joints, rotations, strict=True)):
             alone = joint.alone(turned, len(joint.columns)).astype(np.float32)
             poses += [PoseSample(transforms) for transforms in alone]
@@ -137,13 +142,14 @@ class DrivenKeysTask(BackgroundTask[list[DrivenKeys]]):
             readers.append(readers_of(joint.bone, joint.reachable, least=LEAST_ANGLE))
             seen = np.tile([1.0, 0.0, 0.0, 0.0], (len(poses), 1))
             seen[: len(whole)] = joint.rotations[whole]
+            seen[len(whole) : complete] = mixed[number]
             seen[np.array(owner) == number] = turned
             values.append(np.array([reader.values(seen) for reader in readers[-1]]).reshape(-1, len(poses)))
         samples = JointSamples(offsets[:, active], np.array(owner, np.int32), readers, values)
         self._stage = "choosing keys"
         chosen = choose_keys(samples, self._kept, self._most, lambda fraction: self._at(0.5 + 0.4 * fraction))
         self._stage = "judging keys"
-        return self._judged(order, joints, chosen, active, poses[: len(whole)] or poses, offsets, samples)
+        return self._judged(order, joints, chosen, active, poses[:complete], offsets, samples)
 
     def _offsets(self, order: DrivenKeysOrder, poses: Sequence[PoseSample]) -> Weights:
         size = len(poses) * order.frames.rest.nbytes
@@ -208,6 +214,36 @@ def range_of_motion(angle: float, steps: int = 3) -> Floats:
                 q[0], q[axis] = np.cos(half), np.sin(half)
                 found.append(q)
     return np.array(found).reshape(-1, 4)
+
+
+def mixed_rotations(joints: Sequence[Joint]) -> Floats:
+    """Rotations (J,n,4) of the joints in poses where about half of them turn somewhere in their range."""
+    ranges = [joint.more for joint in joints]
+    count = MIXED if any(len(more) for more in ranges) else 0
+    random = np.random.default_rng(0)
+    found = np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), count, 1))
+    for number, more in enumerate(ranges):
+        turned = np.flatnonzero(random.random(count) < 0.5)
+        if len(more) and len(turned):
+            ends = more[random.integers(0, len(more), len(turned))]
+            half = np.arccos(np.clip(ends[:, :1], -1.0, 1.0))
+            axes = ends[:, 1:] / np.linalg.norm(ends[:, 1:], axis=1, keepdims=True)
+            half *= random.random((len(turned), 1))
+            found[number, turned] = np.concatenate([np.cos(half), np.sin(half) * axes], axis=1)
+    return found
+
+
+def _together(joints: Sequence[Joint], rotations: Floats) -> list[npt.NDArray[np.float32]]:
+    """Transforms (B,4,4) of poses where all joints turn by rotations (J,n,4)."""
+    if not len(joints):
+        return []
+    bones = len(joints[0].columns)
+    total = np.tile(np.eye(4), (rotations.shape[1], bones, 1, 1))
+    # From the roots to the tips: who carries more comes first.
+    for number in sorted(range(len(joints)), key=lambda j: (-int(joints[j].columns.sum()), j)):
+        columns = joints[number].columns
+        total[:, columns] = total[:, columns] @ joints[number].alone(rotations[number], bones)[:, columns]
+    return list(total.astype(np.float32))
 
 
 def _turns(joint: Joint) -> bool:
