@@ -117,7 +117,7 @@ def test_range_of_motion_serves_poses_that_no_frame_has():
         live.append(s.shown(ob))
         plain.append(s.plain(ob))
         s.bend(rig, 0.0, bone, axis)
-    assert b.bake(rig, operator="bake_driven_keys", poses="MOTION", kept=0.93) == {"FINISHED"}
+    assert b.bake(rig, operator="bake_driven_keys", poses="MOTION", kept=0.93, angle=np.radians(80)) == {"FINISHED"}
     baked = []
     for bone, axis, degrees in poses:
         s.bend(rig, degrees, bone, axis)

@@ -60,7 +60,8 @@ class Ramp:
     @property
     def label(self) -> str:
         """Name for people."""
-        return f"{self.bone} {MEANING[self.axis]} {np.degrees(self.start):.0f} to {np.degrees(self.end):.0f}"
+        start, end = (_degrees(angle) for angle in (self.start, self.end))
+        return f"{self.bone} {MEANING[self.axis]} {start} to {end}"
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ class Cone:
     @property
     def label(self) -> str:
         """Name for people."""
-        bent = ", ".join(f"{np.degrees(angle):.0f}" for angle in swing_twist(np.array([self.centre]))[0])
+        bent = ", ".join(_degrees(angle) for angle in swing_twist(np.array([self.centre]))[0])
         return f"{self.bone} at {bent}"
 
 
@@ -166,6 +167,10 @@ def readers_of(
             reach = float(angles_between(q[None], rest)[0])
             found.append(Cone(bone, (float(q[0]), float(q[1]), float(q[2]), float(q[3])), reach))
     return found
+
+
+def _degrees(angle: float) -> str:
+    return str(round(float(np.degrees(angle))))
 
 
 def _number(value: float) -> str:
