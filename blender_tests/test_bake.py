@@ -259,16 +259,25 @@ def test_unkeyed_pose_survives(tmp_path):
     assert s.shown(ob).tobytes() == live
 
 
-def test_undo(tmp_path):
+@pytest.mark.parametrize("operator", ["bake", "bake_driven_keys", "bake_weights", "bake_shape_key"])
+def test_undo_of_a_bake_and_of_the_way_back(tmp_path, operator):
     ob, rig = b.animated_limb()
     b.saved(tmp_path)
     live = b.at(ob, 7).tobytes()
+    options = {"bake_weights": {"least": 0.0}, "bake_shape_key": {"switch_off": True}}.get(operator, {})
     bpy.ops.ed.undo_push(message="before")
     c.activate(rig)
-    bpy.ops.dermis.bake("EXEC_DEFAULT", True)
-    assert bpy.data.objects["Limb"].dermis_skin.baked == "CACHE"
+    assert getattr(bpy.ops.dermis, operator)("EXEC_DEFAULT", True, **options) == {"FINISHED"}
+    ob = bpy.data.objects["Limb"]
+    assert ob.dermis_skin.baked
+    baked = b.at(ob, 7).tobytes()
+    assert bpy.ops.dermis.bake_remove("EXEC_DEFAULT", True) == {"FINISHED"}
+    assert b.at(bpy.data.objects["Limb"], 7).tobytes() == live
+    bpy.ops.ed.undo()
+    assert b.at(bpy.data.objects["Limb"], 7).tobytes() == baked
     bpy.ops.ed.undo()
     ob = bpy.data.objects["Limb"]
     assert [m.name for m in ob.modifiers] == ["Armature"]
+    assert [key.name for key in ob.data.shape_keys.key_blocks] == ["Basis", "Dermis"]
     assert ob.dermis_skin.baked == ""
     assert b.at(ob, 7).tobytes() == live

@@ -50,8 +50,20 @@ def test_objects_that_cannot_be_baked(tmp_path):
     bare, _ = s.limb("Bare")
     with pytest.raises(RuntimeError, match="No mesh here has a PBD skin: enable it first"):
         b.bake(bare)
+    ob.hide_viewport = True
+    bpy.context.view_layer.update()
+    refuses(rig, ob, "not evaluated in this view layer: show it first")
+    ob.hide_viewport = False
     ob.modifiers["Armature"].use_bone_envelopes = True
     refuses(rig, ob, "switch Bone Envelopes off")
+    c.activate(rig)
+    bpy.ops.object.mode_set(mode="EDIT")
+    with pytest.raises(RuntimeError, match="Leave Edit Mode first"):
+        bpy.ops.dermis.bake()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    c.activate(c.armature("Alone", c.tube_bones()))
+    with pytest.raises(RuntimeError, match="No mesh here has a PBD skin"):
+        bpy.ops.dermis.bake()
 
 
 def test_a_failure_half_way_leaves_the_old_cache(tmp_path, monkeypatch):

@@ -68,6 +68,15 @@ def test_places_modifiers_and_segments(preserve, segments):
     assert b.kept_share(live, plain, motion(ob)) > 0.88
 
 
+def test_keyframes_in_a_stretched_scene():
+    ob, rig = b.animated_limb()
+    render = bpy.context.scene.render
+    render.frame_map_old, render.frame_map_new = 100, 150
+    live, plain = motion(ob, rig)
+    assert b.bake(rig, operator="bake_driven_keys", kept=0.9, output="KEYFRAMES") == {"FINISHED"}
+    assert b.kept_share(live, plain, motion(ob)) > 0.88
+
+
 def test_drivers_are_plain_ones():
     ob, rig = b.animated_limb()
     b.bake(rig, operator="bake_driven_keys")

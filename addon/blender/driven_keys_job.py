@@ -93,7 +93,9 @@ class DrivenKeysJob:
         self._reads = [_Read(BakeSource(ob, depsgraph)) for ob in objects]
         armatures = {read.source.armature.name_full: read.source.armature for read in self._reads}
         frames = settings.frames or FrameList(())
-        self._places = [sum(frames.place(index)) for index in range(len(frames))]
+        # Keyframes lie on the time that animation sees, after the scene's own stretching.
+        stretch = scene.render.frame_map_old / scene.render.frame_map_new
+        self._places = [stretch * sum(frames.place(index)) for index in range(len(frames))]
         self.task = SampledTask(FrameWalk(scene, frames, list(armatures.values()), self._read), self._choose)
 
     def _read(self, depsgraph: bpy.types.Depsgraph) -> None:
