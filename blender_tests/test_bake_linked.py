@@ -46,6 +46,7 @@ def test_an_override_is_baked_and_stays_so(linked, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
     found = {ob.type: ob for ob in bpy.data.objects if ob.override_library is not None}
     np.testing.assert_allclose(b.at(found["MESH"], 7), linked, atol=TOLERANCE)
+    assert s.state(found["MESH"]) is None, "no skin is tried where the cache plays"
     with pytest.raises(RuntimeError, match="Back to Live"):
         b.bake(found["ARMATURE"])
     assert b.bake(found["ARMATURE"], operator="bake_remove") == {"FINISHED"}

@@ -17,6 +17,7 @@ from .bake_state import back_to_live, is_baked, switch_off
 from .frame_walk import FrameWalk
 from .mesh_cache import MODIFIER_NAME, add_cache
 from .sampled_task import SampledTask
+from .skin_state import registry
 
 
 class CacheJob:
@@ -68,6 +69,7 @@ class CacheJob:
                         add_cache(source.ob, source.modifier, filepath, self._kind, self._frames, self._scene)
                         if source.is_live:
                             switch_off(source.ob, "CACHE")
+                        registry.forget(source.ob)
                     undo.pop_all()
         except ReferenceError as error:
             raise InputError("A mesh was removed while it was being baked; its cache is written.") from error

@@ -14,6 +14,7 @@ from .bake_source import BakeSource
 from .bake_state import switch_off
 from .cache_job import cache_paths, check_own
 from .mesh_cache import add_cache
+from .skin_state import registry
 
 
 def join_parts(ob: bpy.types.Object, scene: bpy.types.Scene, parts: Sequence[Path], folder: str) -> str:
@@ -37,6 +38,7 @@ def join_parts(ob: bpy.types.Object, scene: bpy.types.Scene, parts: Sequence[Pat
     add_cache(ob, source.modifier, filepath, layout.format, frames, scene)
     if source.is_live:
         switch_off(ob, "CACHE")
+    registry.forget(ob)
     return f"Joined {counted(len(parts), 'part')} of '{ob.name}': {counted(len(frames), 'sample')}."
 
 

@@ -12,13 +12,15 @@ from typing import Any
 import bpy
 
 from ..core.skin import Skin, SkinStore
+from .mesh_cache import find_cache
 from .placement import PlacedArmature, Placement
 from .skin_reading import SkinReading
 
 
 def is_live(ob: bpy.types.Object) -> bool:
-    """Whether the object's skin is switched on and not baked."""
-    return ob.dermis_skin.enabled and not ob.dermis_skin.baked
+    """Whether the object's skin is switched on and not baked. Of an overridden object only the cache tells it."""
+    kept = ob.dermis_skin
+    return kept.enabled and not kept.baked and (ob.override_library is None or find_cache(ob) is None)
 
 
 @dataclass
