@@ -7,7 +7,24 @@ import bpy
 
 from ..blender import check_reports, skin_handlers
 from ..core.background import end_all
-from . import bind_panel, bone_map_panel, check_panel, menus, panel, properties, skin_panel, skin_properties
+from . import (
+    bake_options,
+    bake_panel,
+    bind_panel,
+    bone_map_panel,
+    check_panel,
+    menus,
+    panel,
+    properties,
+    skin_panel,
+    skin_properties,
+)
+from .bake_driven_keys import DERMIS_OT_bake_driven_keys
+from .bake_join import DERMIS_OT_bake_join
+from .bake_point_cache import DERMIS_OT_bake
+from .bake_remove import DERMIS_OT_bake_remove
+from .bake_shape_key import DERMIS_OT_bake_shape_key
+from .bake_weights import DERMIS_OT_bake_weights
 from .bind_weights import DERMIS_OT_bind_weights
 from .bone_map_add import DERMIS_OT_bone_map_add
 from .bone_map_clear import DERMIS_OT_bone_map_clear
@@ -38,11 +55,18 @@ CLASSES = (
     DERMIS_OT_landmark_clear,
     DERMIS_OT_skin_enable,
     DERMIS_OT_skin_disable,
+    DERMIS_OT_bake,
+    DERMIS_OT_bake_join,
+    DERMIS_OT_bake_shape_key,
+    DERMIS_OT_bake_driven_keys,
+    DERMIS_OT_bake_weights,
+    DERMIS_OT_bake_remove,
     *panel.CLASSES,
     *bone_map_panel.CLASSES,
     *bind_panel.CLASSES,
     *check_panel.CLASSES,
     *skin_panel.CLASSES,
+    *bake_panel.CLASSES,
 )
 
 _undo = ExitStack()
@@ -56,6 +80,8 @@ def register() -> None:
         undo.callback(properties.unregister)
         skin_properties.register()
         undo.callback(skin_properties.unregister)
+        bake_options.register()
+        undo.callback(bake_options.unregister)
         for cls in CLASSES:
             bpy.utils.register_class(cls)
             undo.callback(bpy.utils.unregister_class, cls)
