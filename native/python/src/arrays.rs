@@ -91,15 +91,20 @@ pub(crate) fn matrix<T: numpy::Element>(
     PyArray1::from_vec(py, flat).reshape([rows, columns])
 }
 
+/// A mask (B,) of booleans over all bones.
+pub(crate) fn bone_mask(argument: &Bound<'_, PyAny>, name: &str, bone_count: usize) -> PyResult<Vec<bool>> {
+    let mask = convert(argument, name, "b", "bool", "booleans")?;
+    let mask: PyReadonlyArrayDyn<'_, bool> = checked(mask.extract()?, name, &[Some(bone_count)])?;
+    Ok(mask.as_slice()?.to_vec())
+}
+
 /// A choice of bones, as a mask (B,) of booleans or as indices (n,), as a mask.
 pub(crate) fn chosen_bones(argument: &Bound<'_, PyAny>, bone_count: usize) -> PyResult<Vec<bool>> {
     let numpy = argument.py().import(intern!(argument.py(), "numpy"))?;
     let array = numpy.call_method1("asarray", (argument,))?;
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     if kind == "b" {
-        let mask = convert(&array, "bones", "b", "bool", "booleans or indices")?;
-        let mask: PyReadonlyArrayDyn<'_, bool> = checked(mask.extract()?, "bones", &[Some(bone_count)])?;
-        return Ok(mask.as_slice()?.to_vec());
+        return bone_mask(&array, "bones", bone_count);
     }
     let mut mask = vec![false; bone_count];
     if array.len()? > 0 {
