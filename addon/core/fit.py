@@ -76,11 +76,6 @@ class FittedBones:
     symmetric: bool
     message: str
 
-    @property
-    def doubtful(self) -> bool:
-        """Whether the user should look at the result before using it."""
-        return bool(self.message) or self.score < GOOD_SCORE
-
 
 class FitTask(BackgroundTask[FittedBones]):
     """Fits one template to one body; symmetric is None to decide from both.
@@ -179,6 +174,6 @@ def check_lengths(name: str, bones: Sequence[str], lengths: Floats, shortest: fl
     short = [bones[bone] for bone in np.flatnonzero(lengths <= shortest)]
     if short:
         raise InputError(
-            f"Bones of '{name}' would be too short for Blender: {listed(short)}. If the object is scaled up, "
-            "apply its scale first."
+            f"Bones of '{name}' would be too short for Blender: {listed(short)}. If the armature is scaled up, "
+            "apply its scale first; otherwise the body has no room for them."
         )

@@ -6,7 +6,7 @@ from bpy.props import BoolProperty, EnumProperty
 
 from ..blender.bone_overlay import BoneOverlay, bone_colors, viewports
 from ..blender.fit_job import FitJob, FitOptions
-from ..core.fit import fit_counts
+from ..core.fit import fit_counts, fit_notes
 from .fit_selection import fit_armature, fit_meshes, missing_fit
 from .modal_job import ModalJobOperator
 from .operator_base import NOTHING_CHANGED
@@ -140,7 +140,9 @@ class DERMIS_OT_fit_skeleton(ModalJobOperator, bpy.types.Operator):
         job, fitted = self._running, self._running.fitted()
         self._overlay = BoneOverlay(fitted.heads, fitted.tails, bone_colors(fitted.found, job.template.fixed))
         try:
-            text = f"Preview: {', '.join(fit_counts(job.template, fitted))}    Enter: apply, ESC: cancel"
+            counts = ", ".join(fit_counts(job.template, fitted))
+            notes = " ".join([f"{counts} (blue: placed, orange: carried along, gray: kept).", *fit_notes(fitted)])
+            text = f"Preview: {notes}    Enter: apply, ESC: cancel"
             context.workspace.status_text_set(text)
             for area in viewports():
                 area.header_text_set(text)
