@@ -3,11 +3,16 @@
 
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 
 import bpy
 import characters as c
 import numpy as np
 import pytest
+from mathutils import Vector
+from mathutils.bvhtree import BVHTree
+
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 @cache
@@ -126,3 +131,29 @@ def failed(rig, *meshes, match, **options):
         bpy.ops.dermis.fit_skeleton(**options)
     assert everything() == before
     assert str(caught.value).rstrip().endswith("Nothing was changed.")
+
+
+def shared_body(name):
+    """A test character's surface, without its bones."""
+    data = np.load(SHARED / f"{name}.npz")
+    ends = np.cumsum(data["loop_counts"])
+    faces = [tuple(corners.tolist()) for corners in np.split(data["loop_indices"], ends[:-1])]
+    return c.mesh_object(name, data["verts"], faces)
+
+
+def inside(ob, point):
+    """Whether a point of the world is inside a closed mesh at the origin: most of a few rays leave it an odd number
+    of times.
+    """
+    tree = BVHTree.FromPolygons([v.co for v in ob.data.vertices], [p.vertices for p in ob.data.polygons])
+    odd = 0
+    for direction in ((1, 0.01, 0.02), (-0.02, 1, 0.01), (0.01, 0.02, -1)):
+        origin, crossings = Vector(point), 0
+        while True:
+            hit, _, _, _ = tree.ray_cast(origin, Vector(direction))
+            if hit is None:
+                break
+            crossings += 1
+            origin = hit + 1e-5 * Vector(direction)
+        odd += crossings % 2
+    return odd >= 2

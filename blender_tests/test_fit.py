@@ -137,6 +137,7 @@ def test_locked_bones_stay(body):
     rig = fits.template()
     with fits.in_edit_mode(rig) as edit:
         edit["thigh.R"].lock = True
+    rig.data.use_mirror_x = True
     thigh, arm = fits.place(rig, "thigh.R"), fits.place(rig, "arm.R")
     fits.fit(rig, body)
     assert fits.place(rig, "thigh.R") == thigh
@@ -228,6 +229,35 @@ def test_undo_and_redo(body):
     assert fits.rest(bpy.data.objects["Rig"]) == before
     bpy.ops.ed.redo()
     assert fits.rest(bpy.data.objects["Rig"]) == after
+
+
+def test_undo_in_edit_mode(body):
+    rig = fits.template()
+    before = fits.rest(rig)
+    c.activate(rig, body)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.ed.undo_push(message="Before")
+    assert bpy.ops.dermis.fit_skeleton("EXEC_DEFAULT", True) == {"FINISHED"}
+    moved = bpy.data.objects["Rig"].data.edit_bones["arm.L"].head.copy()
+    bpy.ops.ed.undo()
+    rig = bpy.data.objects["Rig"]
+    assert rig.mode == "EDIT"
+    assert rig.data.edit_bones["arm.L"].head != moved
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert fits.rest(rig) == before
+
+
+def test_stretch_to_is_mentioned(body):
+    rig = fits.template()
+    stretch = rig.pose.bones["hand.L"].constraints.new("STRETCH_TO")
+    stretch.target, stretch.subtarget, stretch.rest_length = rig, "chest", 0.5
+    operator = stand_in_for("fit_skeleton")
+    c.activate(rig, body)
+    assert operator.execute(bpy.context) == {"FINISHED"}
+    assert stretch.rest_length == 0.5
+    [(kind, text)] = operator.reports
+    assert kind == "WARNING"
+    assert text.endswith("Stretch To keeps its old length on 'hand.L': reset it there.")
 
 
 def test_a_doubtful_result_is_a_warning(body, monkeypatch):

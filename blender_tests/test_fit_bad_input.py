@@ -10,6 +10,7 @@ import characters as c
 import fits
 import numpy as np
 import pytest
+from odd_bodies import ODD_BODIES
 from scratch_profile import MODULE
 from test_modal import stand_in_for
 
@@ -120,30 +121,7 @@ def test_a_linked_armature(body, tmp_path):
     fits.failed(override, body, match="is linked from|is a library override")
 
 
-# Bodies in which no skeleton can be found: each gives an error that changes nothing, or the scaled
-# template with a warning.
-def flat_sheet():
-    return [(x, 0, z) for z in range(5) for x in range(5)], [
-        (5 * z + x, 5 * z + x + 1, 5 * z + x + 6, 5 * z + x + 5) for z in range(4) for x in range(4)
-    ]
-
-
-def far_apart():
-    vertices, faces = c.tube(8, 6)
-    count = len(vertices)
-    moved = [(x + 500, y, z) for x, y, z in vertices]
-    return vertices + moved, faces + [tuple(i + count for i in face) for face in faces]
-
-
-ODD_BODIES = {
-    "flat sheet": flat_sheet(),
-    "pieces far apart": far_apart(),
-    "no volume": ([(0, 0, 0), (0, 0, 1), (0, 0, 2)], [(0, 1, 2)]),
-    "one point": ([(0, 0, 0)] * 3, [(0, 1, 2)]),
-    "tube": c.tube(12, 13),
-}
-
-
+# Each gives an error that changes nothing, or the scaled template with a warning.
 @pytest.mark.parametrize("name", ODD_BODIES)
 def test_odd_bodies(name):
     rig = fits.template()

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..core.character import Bones
-from ..core.errors import InputError
+from ..core.errors import InputError, listed
 from ..core.fit import FitTask, FittedBones, Template, fit_line, fit_notes
 from .body import read_body
 from .rest_bones import RestBones, check_movable, edit_bones, move_rest, read_rest
@@ -83,7 +83,8 @@ class FitJob:
                 )
         except ReferenceError as error:
             raise InputError("The armature was removed while it was being fitted.") from error
-        return fit_line(self.template, self._body, fitted, self._seconds), fit_notes(fitted)
+        notes = [*fit_notes(fitted), *_stretch_notes(self._armature)]
+        return fit_line(self.template, self._body, fitted, self._seconds), notes
 
 
 def read_template(armature: bpy.types.Object, rest: RestBones, options: FitOptions) -> Template:
@@ -105,3 +106,13 @@ def read_template(armature: bpy.types.Object, rest: RestBones, options: FitOptio
         deform=rest.deform if options.deform_only else np.ones(len(rest.names), np.bool_),
         fixed=fixed,
     )
+
+
+def _stretch_notes(armature: bpy.types.Object) -> list[str]:
+    """A sentence on constraints that hold a length of the bones as they were."""
+    names = [
+        bone.name
+        for bone in armature.pose.bones
+        if any(constraint.type == "STRETCH_TO" and constraint.rest_length > 0 for constraint in bone.constraints)
+    ]
+    return [f"Stretch To keeps its old length on {listed(names)}: reset it there."] if names else []
