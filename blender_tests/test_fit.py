@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix, Vector
 from scratch_profile import MODULE
+from test_extension import draw
 from test_modal import stand_in_for
 
 
@@ -288,7 +289,12 @@ def test_a_doubtful_result_is_a_warning(body, monkeypatch):
     assert "The template looks like another species. The skeleton fits badly" in text
 
 
-def test_menus():
-    menus = sys.modules[f"{MODULE}.ui.menus"]
-    for name in ("VIEW3D_MT_object_parent", "VIEW3D_MT_edit_armature", "VIEW3D_MT_pose"):
-        assert menus.draw_fit in getattr(bpy.types, name)._dyn_ui_initialize()
+def test_panel(body):
+    assert "Select the meshes, then the armature" in " ".join(draw("DERMIS_PT_fit"))
+    rig = fits.template()
+    c.activate(rig, body)
+    assert draw("DERMIS_PT_fit") == ["Rig", "Body", "dermis.fit_skeleton", "dermis.fit_skeleton"]
+    bpy.ops.object.mode_set(mode="POSE")
+    assert draw("DERMIS_PT_fit").count("dermis.fit_skeleton") == 3
+    c.mesh_object("Shoe", *c.tube(5, 4)).select_set(True)
+    assert "2 meshes" in draw("DERMIS_PT_fit")

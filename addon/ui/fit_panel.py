@@ -30,17 +30,17 @@ class DERMIS_PT_fit(SidebarPanel, bpy.types.Panel):
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.row()
         row.scale_y = 1.4
-        self._button(row, "Fit Skeleton", preview=True, icon="ARMATURE_DATA")
+        _button(row, "Fit Skeleton", preview=True, icon="ARMATURE_DATA")
         column = layout.column(align=True)
-        self._button(column, "Fit without Preview", preview=False)
+        _button(column, "Fit without Preview", preview=False)
         if armature is not None and armature.mode in {"EDIT", "POSE"}:
-            self._button(column, "Keep Selected, Fit the Others", preview=True, keep_selected=True)
+            _button(column, "Keep Selected, Fit the Others", preview=True, keep_selected=True)
 
-    @staticmethod
-    def _button(layout, text, *, preview, keep_selected=False, icon="NONE"):
-        button = layout.operator(DERMIS_OT_fit_skeleton.bl_idname, text=text, icon=icon)
-        button.preview = preview
-        button.keep_selected = keep_selected
+
+def _button(layout, text, *, preview, keep_selected=False, icon="NONE"):
+    button = layout.operator(DERMIS_OT_fit_skeleton.bl_idname, text=text, icon=icon)
+    button.preview = preview
+    button.keep_selected = keep_selected
 
 
 CLASSES = (DERMIS_PT_fit,)
