@@ -13,18 +13,25 @@ PLACED = (0.25, 0.75, 1.0, 1.0)
 CARRIED = (1.0, 0.62, 0.2, 1.0)
 KEPT = (0.75, 0.75, 0.75, 1.0)
 OUTLINE = (0.0, 0.0, 0.0, 0.6)
-LINE_WIDTH = 3.0
-POINT_SIZE = 8.0
+LINE_WIDTH = 2.5
+# Joints are octahedra with this share of the skeleton's size as radius, or of their bone's length.
+JOINT_SIZE = 0.01
+JOINT_SHARE = 0.2
+CORNERS = np.array([(1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], np.float32)
+FACES = np.array([(end, side, (side + 1) % 4) for end in (4, 5) for side in range(4)])
 
 _shown: list["BoneOverlay"] = []
 
 
 class BoneOverlay:
-    """Bones as lines with points at their joints; it keeps arrays, never Blender's objects."""
+    """Bones as lines with octahedra at their joints; it keeps arrays, never Blender's objects."""
 
     def __init__(self, heads: np.ndarray, tails: np.ndarray, colors: np.ndarray) -> None:
-        self._heads, self._tails = heads.astype(np.float32), tails.astype(np.float32)
-        self._colors = colors.astype(np.float32)
+        self._ends = np.stack([heads, tails], axis=1).reshape(-1, 3).astype(np.float32)
+        self._colors = np.repeat(colors.astype(np.float32), 2, axis=0)
+        lengths = np.linalg.norm(tails - heads, axis=1)
+        radius = JOINT_SIZE * np.ptp(self._ends, axis=0).max(initial=0.0)
+        self._radii = np.repeat(np.minimum(JOINT_SHARE * lengths, radius), 2)
         self._handle = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_VIEW")
         _shown.append(self)
         redraw()
@@ -41,13 +48,12 @@ class BoneOverlay:
         gpu.state.depth_test_set("NONE")
         gpu.state.blend_set("ALPHA")
         try:
-            ends = np.stack([self._heads, self._tails], axis=1).reshape(-1, 3)
-            _draw_lines(ends, np.full((len(ends), 4), OUTLINE, np.float32), LINE_WIDTH + 2.0)
-            _draw_lines(ends, np.repeat(self._colors, 2, axis=0), LINE_WIDTH)
-            _draw_points(ends, np.full((len(ends), 4), OUTLINE, np.float32), POINT_SIZE + 2.0)
-            _draw_points(ends, np.repeat(self._colors, 2, axis=0), POINT_SIZE)
+            outline = np.full_like(self._colors, OUTLINE)
+            _draw_lines(self._ends, outline, LINE_WIDTH + 2.0)
+            _draw_joints(self._ends, outline, 1.4 * self._radii)
+            _draw_lines(self._ends, self._colors, LINE_WIDTH)
+            _draw_joints(self._ends, self._colors, self._radii)
         finally:
-            gpu.state.point_size_set(1.0)
             gpu.state.depth_test_set(depth)
             gpu.state.blend_set(blend)
 
@@ -85,10 +91,12 @@ def _draw_lines(ends: np.ndarray, colors: np.ndarray, width: float) -> None:
     batch.draw(shader)
 
 
-def _draw_points(points: np.ndarray, colors: np.ndarray, size: float) -> None:
-    # Blender 4.5 gave points a shader of their own.
-    name = "POINT_FLAT_COLOR" if bpy.app.version >= (4, 5, 0) else "FLAT_COLOR"
-    shader = gpu.shader.from_builtin(name)
-    batch = batch_for_shader(shader, "POINTS", {"pos": points, "color": colors})
-    gpu.state.point_size_set(size)
-    batch.draw(shader)
+def _draw_joints(points: np.ndarray, colors: np.ndarray, radii: np.ndarray) -> None:
+    shader = gpu.shader.from_builtin("FLAT_COLOR")
+    corners = points[:, None, None] + radii[:, None, None, None] * CORNERS[FACES]
+    content = {
+        "pos": np.ascontiguousarray(corners.reshape(-1, 3), np.float32),
+        "color": np.repeat(colors, FACES.size, axis=0),
+    }
+    shader.bind()
+    batch_for_shader(shader, "TRIS", content).draw(shader)
