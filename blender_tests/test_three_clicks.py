@@ -11,12 +11,16 @@ import makehuman
 import numpy as np
 import pytest
 
-SHARED = fits.SHARED
 # A pose of each metarig: turns about the bone's own X axis in degrees.
 POSES = {
     "human": {"upper_arm.L": 40, "forearm.L": 70, "forearm.R": 50, "thigh.L": -60, "shin.L": 80, "spine.003": 15},
     "basic_human": {"upper_arm.L": 40, "forearm.L": 70, "forearm.R": 50, "thigh.L": -60, "shin.L": 80},
-    "basic_quadruped": {"thigh.L": -30, "shin.L": 40, "upper_arm.R": -30, "forearm.R": 40, "spine.004": 15},
+    "basic_quadruped": {"thigh.L": -30, "shin.L": 40, "front_thigh.R": -30, "front_shin.R": 40, "spine.010": 15},
+}
+LIMBS = {
+    "human": ("upper_arm", "forearm", "hand", "thigh", "shin", "foot"),
+    "basic_human": ("upper_arm", "forearm", "hand", "thigh", "shin", "foot"),
+    "basic_quadruped": ("front_thigh", "front_shin", "front_foot", "thigh", "shin", "foot"),
 }
 
 
@@ -77,6 +81,19 @@ def assert_moves(rest, plain, corrected, edges):
     assert (stretch > 2).mean() < 0.01
 
 
+def assert_in_place(ob, rig, kind):
+    """Joints of the trunk and the limbs are inside the body, left ones on the left."""
+    heads = {name: points[0] for name, points in fits.joints(rig).items()}
+    outside = [
+        name
+        for name, point in heads.items()
+        if name.split(".")[0] in (*LIMBS[kind], "spine") and not fits.inside(ob, point)
+    ]
+    assert outside == []
+    for limb in LIMBS[kind]:
+        assert heads[f"{limb}.L"][0] > 0 > heads[f"{limb}.R"][0], limb
+
+
 @pytest.mark.parametrize("kind", ["basic_human", "human"])
 @pytest.mark.parametrize("name", ["AVERAGE", "CHILD"])
 def test_a_bare_body(metarig, kind, name):
@@ -84,15 +101,10 @@ def test_a_bare_body(metarig, kind, name):
     ob = c.mesh_object(name, body.vertices, body.triangles.tolist())
     rig = metarig(kind)
     assert_moves(*three_clicks(ob, rig, kind))
-    joints = fits.joints(rig)
-    middle = {name: points.mean(axis=0) for name, points in joints.items()}
-    for limb in ("thigh", "shin", "upper_arm", "forearm"):
-        assert middle[f"{limb}.L"][0] > 0.02 > -0.02 > middle[f"{limb}.R"][0]
-        assert fits.inside(ob, middle[f"{limb}.L"]), limb
-        assert fits.inside(ob, middle[f"{limb}.R"]), limb
+    assert_in_place(ob, rig, kind)
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="needs the test characters")
+@pytest.mark.skipif(not fits.SHARED.is_dir(), reason="needs the test characters")
 @pytest.mark.parametrize(
     ("name", "kind"),
     [
@@ -105,4 +117,6 @@ def test_a_bare_body(metarig, kind, name):
 )
 def test_bodies_of_others(metarig, name, kind):
     ob = fits.shared_body(name)
-    assert_moves(*three_clicks(ob, metarig(kind), kind))
+    rig = metarig(kind)
+    assert_moves(*three_clicks(ob, rig, kind))
+    assert_in_place(ob, rig, kind)
