@@ -32,6 +32,7 @@ use crate::rig::Skeleton;
 use crate::skinning::SkinWeights;
 
 pub(super) use limit::limit_influences;
+pub(super) use mirror::{Plane, mirror_plane};
 
 use body::Body;
 use labels::{Labels, Row};

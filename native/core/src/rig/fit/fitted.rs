@@ -1,0 +1,209 @@
+//! The one entrance to fitting: embeds the template, judges the result, and falls back to the scaled
+//! template where it is not good enough.
+
+use glam::DVec3;
+
+use super::body_part::{BodyPart, only_triangles};
+use super::carry::Carrier;
+use super::choices::{Choices, FitSettings};
+use super::distance_field::DistanceField;
+use super::error::FitError;
+use super::joints::Joints;
+use super::reduced_skeleton::ReducedSkeleton;
+use super::score;
+use super::shape::{Input, Shape};
+use super::template::{Similarity, scaled_template};
+use crate::mesh::TriangleMesh;
+use crate::progress::Progress;
+use crate::rig::Skeleton;
+
+/// Below this score an embedding is not given.
+const LEAST_SCORE: f64 = 0.3;
+/// The scaled template's score is at most this.
+const TEMPLATE_SCORE: f64 = 0.25;
+/// The largest piece must have this share of the mesh's area.
+const LEAST_PIECE: f64 = 0.5;
+
+/// How a skeleton was fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FitMethod {
+    /// Embedded into the shape.
+    Embedding,
+    /// Scaled and moved as a whole, and its joints pulled inside.
+    Template,
+}
+
+/// A skeleton in a mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FittedSkeleton {
+    /// The template's bones at their new places.
+    pub skeleton: Skeleton,
+    /// How they were found.
+    pub method: FitMethod,
+    /// How well the skeleton fits, from 0 to 1.
+    pub score: f64,
+    /// What was not found, or why the template was only scaled; empty when all is well.
+    pub message: String,
+    /// Bones (B) that were placed by the shape; the others were carried along.
+    pub found: Vec<bool>,
+    /// Whether a mirror plane of mesh and template was used.
+    pub symmetric: bool,
+}
+
+/// Fits a template into a mesh. Both stand upright and face the same way; place, size, proportions and
+/// the angles of limbs may differ.
+///
+/// # Errors
+/// [`FitError`] for a mesh or template without size, and choices that are not the template's.
+pub fn fit_skeleton(
+    mesh: &TriangleMesh,
+    template: &Skeleton,
+    settings: &FitSettings,
+    progress: &Progress,
+) -> Result<FittedSkeleton, FitError> {
+    let choices = Choices::new(template, settings)?;
+    if mesh.triangles().is_empty() {
+        return Err(FitError::NoTriangles);
+    }
+    progress.begin("Filling the body", 0.0, 0.4)?;
+    let part = BodyPart::new(mesh);
+    let body = only_triangles(mesh, &part.belongs);
+    let body = body.as_ref().unwrap_or(mesh);
+    let (low, high) = body.bounds();
+    if (high - low).max_element().partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
+        return Err(FitError::NoExtent);
+    }
+    let field = DistanceField::new(body, progress)?;
+    let joints = Joints::new(template);
+    let reduced = ReducedSkeleton::new(template, &joints, &choices.deform);
+    let fit = Fit { template, joints: &joints, choices: &choices, field: &field, low, high };
+    let why = if part.share < LEAST_PIECE {
+        "The mesh is in pieces far apart"
+    } else if field.voxels.is_empty() {
+        "The mesh encloses no volume"
+    } else if let Some(reduced) = &reduced {
+        let input = Input { body, field: &field, template, joints: &joints, reduced, choices: &choices };
+        match input.embed(progress)? {
+            Some(shape) => {
+                let fitted = fit.embedded(&shape, reduced)?;
+                if fitted.score >= LEAST_SCORE {
+                    progress.report(1.0)?;
+                    return Ok(fitted);
+                }
+                "The body and the template do not look like the same kind of creature"
+            }
+            None => "No limbs were found in the mesh",
+        }
+    } else {
+        "The template has no limbs"
+    };
+    progress.begin("Scaling the template", 0.95, 1.0)?;
+    fit.scaled(reduced.as_ref(), why)
+}
+
+/// What both ways of fitting need.
+struct Fit<'a> {
+    template: &'a Skeleton,
+    joints: &'a Joints,
+    choices: &'a Choices,
+    field: &'a DistanceField,
+    low: DVec3,
+    high: DVec3,
+}
+
+impl Fit<'_> {
+    /// The template's body laid onto the mesh's bounds.
+    fn whole(&self, in_body: &[bool]) -> Result<Similarity, FitError> {
+        let points = self.joints.points.iter().zip(in_body).filter(|(_, inside)| **inside);
+        Similarity::between(points.map(|(&p, _)| p), self.low, self.high).ok_or(FitError::NoTemplateExtent)
+    }
+
+    /// Joints (J) of bones that follow the body.
+    fn in_body(&self, body_bones: &[bool]) -> Vec<bool> {
+        let mut in_body = vec![false; self.joints.points.len()];
+        for bone in (0..body_bones.len()).filter(|&bone| body_bones[bone]) {
+            in_body[self.joints.heads[bone]] = true;
+            in_body[self.joints.tails[bone]] = true;
+        }
+        in_body
+    }
+
+    fn embedded(&self, shape: &Shape, reduced: &ReducedSkeleton) -> Result<FittedSkeleton, FitError> {
+        let whole = self.whole(&self.in_body(&reduced.body_bones))?;
+        let mut known = shape.places.clone();
+        for (place, fixed) in known.iter_mut().zip(self.choices.fixed_joints(self.joints)) {
+            *place = fixed.or(*place);
+        }
+        let carrier = Carrier {
+            template: self.template,
+            joints: self.joints,
+            reduced,
+            field: self.field,
+            scale: shape.scale,
+            whole,
+        };
+        let points = carrier.run(&known);
+        let skeleton = self.choices.keep_fixed(self.template, &self.joints.place(self.template, &points));
+        let is_found = |bone: usize| {
+            let ends = [self.joints.heads[bone], self.joints.tails[bone]];
+            reduced.body_bones[bone] && ends.iter().all(|&j| shape.places[j].is_some() && !shape.missing[j])
+        };
+        let found: Vec<bool> = (0..self.template.bone_count()).map(is_found).collect();
+        let bones = || (0..found.len()).filter(|&bone| found[bone]);
+        let segments: Vec<_> = bones().map(|b| (skeleton.heads()[b], skeleton.tails()[b])).collect();
+        let lengths: Vec<_> = bones().map(|b| (self.template.length(b), skeleton.length(b))).collect();
+        let (lost, all) = shape.limbs;
+        let inside = score::share_inside(&segments, self.field);
+        let share = (all - lost) as f64 / all.max(1) as f64;
+        let score = inside * score::of_cost(shape.cost) * score::of_lengths(&lengths) * share;
+        let mut message = String::new();
+        if lost > 0 {
+            message = format!("{lost} of {all} limbs were not found in the mesh; they were carried along.");
+        }
+        Ok(FittedSkeleton {
+            skeleton,
+            method: FitMethod::Embedding,
+            score,
+            message: self.with_lengthless(message),
+            found,
+            symmetric: shape.symmetric,
+        })
+    }
+
+    fn scaled(&self, reduced: Option<&ReducedSkeleton>, why: &str) -> Result<FittedSkeleton, FitError> {
+        let body_bones = reduced.map_or(&self.choices.deform, |reduced| &reduced.body_bones);
+        let in_body = self.in_body(body_bones);
+        let points = scaled_template(self.joints, &in_body, self.whole(&in_body)?, self.field);
+        let fitted = self.joints.place(self.template, &points);
+        let skeleton = self.choices.keep_fixed(self.template, &fitted);
+        let bones = (0..body_bones.len()).filter(|&bone| body_bones[bone]);
+        let segments: Vec<_> = bones.map(|b| (skeleton.heads()[b], skeleton.tails()[b])).collect();
+        let inside = score::share_inside(&segments, self.field);
+        let message = format!("{why}, so the template was only moved and scaled as a whole.");
+        Ok(FittedSkeleton {
+            skeleton,
+            method: FitMethod::Template,
+            score: TEMPLATE_SCORE * inside,
+            message: self.with_lengthless(message),
+            found: vec![false; self.template.bone_count()],
+            symmetric: false,
+        })
+    }
+
+    /// Adds a sentence about bones without length.
+    fn with_lengthless(&self, message: String) -> String {
+        let lengthless: Vec<usize> = (0..self.template.bone_count())
+            .filter(|&bone| self.joints.heads[bone] == self.joints.tails[bone])
+            .collect();
+        let note = match lengthless[..] {
+            [] => return message,
+            [bone] => format!("{} has no length and was left so.", self.template.label(bone)),
+            [bone, ..] => format!(
+                "{} and {} other bones have no length and were left so.",
+                self.template.label(bone),
+                lengthless.len() - 1
+            ),
+        };
+        if message.is_empty() { note } else { format!("{message} {note}") }
+    }
+}
