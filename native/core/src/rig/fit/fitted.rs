@@ -9,6 +9,7 @@ use super::choices::{Choices, FitSettings};
 use super::distance_field::DistanceField;
 use super::error::FitError;
 use super::joints::Joints;
+use super::lengths::keep_lengths;
 use super::reduced_skeleton::ReducedSkeleton;
 use super::score;
 use super::shape::{Input, Shape};
@@ -131,7 +132,8 @@ impl Fit<'_> {
     fn embedded(&self, shape: &Shape, reduced: &ReducedSkeleton) -> Result<FittedSkeleton, FitError> {
         let whole = self.whole(&self.in_body(&reduced.body_bones))?;
         let mut known = shape.places.clone();
-        for (place, fixed) in known.iter_mut().zip(self.choices.fixed_joints(self.joints)) {
+        let fixed = self.choices.fixed_joints(self.joints);
+        for (place, fixed) in known.iter_mut().zip(&fixed) {
             *place = fixed.or(*place);
         }
         let carrier = Carrier {
@@ -142,7 +144,9 @@ impl Fit<'_> {
             scale: shape.scale,
             whole,
         };
-        let points = carrier.run(&known);
+        let mut points = carrier.run(&known);
+        let fixed: Vec<bool> = fixed.iter().map(Option::is_some).collect();
+        keep_lengths(self.template, self.joints, shape.scale, &fixed, &mut points);
         let skeleton = self.choices.keep_fixed(self.template, &self.joints.place(self.template, &points));
         let is_found = |bone: usize| {
             let ends = [self.joints.heads[bone], self.joints.tails[bone]];
@@ -173,7 +177,14 @@ impl Fit<'_> {
     fn scaled(&self, reduced: Option<&ReducedSkeleton>, why: &str) -> Result<FittedSkeleton, FitError> {
         let body_bones = reduced.map_or(&self.choices.deform, |reduced| &reduced.body_bones);
         let in_body = self.in_body(body_bones);
-        let points = scaled_template(self.joints, &in_body, self.whole(&in_body)?, self.field);
+        let whole = self.whole(&in_body)?;
+        let mut points = scaled_template(self.joints, &in_body, whole, self.field);
+        let fixed = self.choices.fixed_joints(self.joints);
+        for (point, fixed) in points.iter_mut().zip(&fixed) {
+            *point = fixed.unwrap_or(*point);
+        }
+        let fixed: Vec<bool> = fixed.iter().map(Option::is_some).collect();
+        keep_lengths(self.template, self.joints, whole.scale, &fixed, &mut points);
         let fitted = self.joints.place(self.template, &points);
         let skeleton = self.choices.keep_fixed(self.template, &fitted);
         let bones = (0..body_bones.len()).filter(|&bone| body_bones[bone]);

@@ -7,7 +7,7 @@
 //! 3. The template: its joints (`joints`), limbs and trunk (`reduced_skeleton`).
 //! 4. The discrete embedding: a best-first search (`embedding`) over penalties (`penalties`).
 //! 5. Joints along the limbs' centrelines (`centreline`, `limbs`), then all at once (`refinement`).
-//! 6. What is carried along (`carry`), and how well everything fits (`score`).
+//! 6. What is carried along (`carry`), no bone without length (`lengths`), and how well everything fits (`score`).
 //!
 //! Where the shape says nothing (`fallback`), or too little, the template is moved and scaled as a
 //! whole (`template`).
@@ -22,6 +22,7 @@ mod error;
 mod fitted;
 mod geodesic;
 mod joints;
+mod lengths;
 mod limbs;
 mod medial_surface;
 mod penalties;
