@@ -141,11 +141,13 @@ def shared_body(name):
     return c.mesh_object(name, data["verts"], faces)
 
 
-def inside(ob, point):
-    """Whether a point of the world is inside a closed mesh at the origin: most of a few rays leave it an odd number
-    of times.
+def inside(ob, point, near=0.0):
+    """Whether a point of the world is inside a closed mesh at the origin, or as near to it: most of a few rays leave
+    it an odd number of times.
     """
     tree = BVHTree.FromPolygons([v.co for v in ob.data.vertices], [p.vertices for p in ob.data.polygons])
+    if tree.find_nearest(Vector(point))[3] <= near:
+        return True
     odd = 0
     for direction in ((1, 0.01, 0.02), (-0.02, 1, 0.01), (0.01, 0.02, -1)):
         origin, crossings = Vector(point), 0

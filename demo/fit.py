@@ -183,8 +183,8 @@ def look_from_the_front(height: float) -> None:
     """A studio whose camera has a body of this height in the middle of a square picture."""
     scene.build_studio(height=height, width=height)
     camera = bpy.context.scene.camera
-    target = Vector((0.0, 0.0, 0.52 * height))
-    distance = camera.data.lens / camera.data.sensor_width * 1.25 * height
+    target = Vector((0.0, 0.0, 0.57 * height))
+    distance = camera.data.lens / camera.data.sensor_width * 1.35 * height
     camera.location = target + distance * Vector((0.0, -1.0, 0.0))
     camera.rotation_euler = (target - camera.location).to_track_quat("-Z", "Y").to_euler()
 
