@@ -32,14 +32,16 @@ def bare_body():
 
 
 def template(name="Rig"):
-    """A biped's bones with other proportions than the body: connected limbs, rolls, a control bone."""
+    """A biped's bones with other proportions than the body: connected limbs, rolls, two controls."""
     bones = [(bone, parent, head, tail) for bone, parent, head, tail in c.biped_bones(arm=0.7, leg=0.8)]
     bones.append(("control", None, (0, 0.5, 0), (0, 0.9, 0)))
+    wrist = next(head for bone, _, head, _ in bones if bone == "hand.L")
+    bones.append(("wrist control", "control", wrist, (wrist[0], 0, wrist[2] + 0.2)))
     rig = c.armature(name, bones)
     with in_edit_mode(rig) as edit:
         for i, bone in enumerate(edit):
             bone.roll = 0.3 * i - 1.0
-            bone.use_deform = bone.name != "control"
+            bone.use_deform = "control" not in bone.name
         for bone in edit:
             if bone.name.split(".")[0] in ("hand", "shin", "chest"):
                 bone.use_connect = True

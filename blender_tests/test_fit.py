@@ -27,8 +27,9 @@ def test_the_bones_go_where_the_body_has_its_joints(body):
     truth = {name: np.array([head, tail]) for name, _, head, tail in c.biped_bones()}
     fitted = fits.joints(rig)
     errors = {name: np.linalg.norm(fitted[name] - truth[name], axis=1) for name in names}
-    assert np.mean([errors[name][0] for name in names]) < 0.09  # of 1.9 m
-    assert max(error[0] for error in errors.values()) < 0.2
+    # Of a height of 1.9 m.
+    assert np.mean([errors[name][0] for name in names]) < 0.05
+    assert max(error[0] for error in errors.values()) < 0.12
     for name in names:
         side = {"L": 1, "R": -1}.get(name.split(".")[-1], 0)
         assert (fitted[name][:, 0] * side >= 0).all()
@@ -91,7 +92,7 @@ def test_the_place_of_the_objects_does_not_matter(body):
     assert fits.fit(rig, body) == {"FINISHED"}
     found = fits.joints(rig)
     np.testing.assert_allclose(
-        np.array([found[name] for name in wanted]), np.array([wanted[name] for name in wanted]), atol=2e-3
+        np.array([found[name] for name in wanted]), np.array([wanted[name] for name in wanted]), atol=0.04
     )
     assert body.matrix_world.translation == Vector((3, 2, 1))
 
@@ -193,7 +194,7 @@ def test_the_pose_of_the_body_does_not_matter(body):
     assert fits.fit(rig, body) == {"FINISHED"}
     assert free.data.pose_position == "POSE"
     for name, points in fits.joints(rig).items():
-        np.testing.assert_allclose(points, wanted[name], atol=1e-4)
+        np.testing.assert_allclose(points, wanted[name], atol=5e-3)
 
 
 def test_options_reach_the_core(body, monkeypatch):
@@ -261,6 +262,32 @@ def test_stretch_to_is_mentioned(body):
     assert text.endswith("Stretch To keeps its old length on 'hand.L': reset it there.")
 
 
+def test_controls_stay_at_their_joints(body):
+    rig = fits.template()
+    arm = rig.pose.bones["hand.L"].constraints.new("COPY_LOCATION")
+    arm.target, arm.subtarget = rig, "wrist control"
+    operator = stand_in_for("fit_skeleton")
+    c.activate(rig, body)
+    bpy.context.view_layer.update()
+    assert operator.execute(bpy.context) == {"FINISHED"}
+    joints = fits.joints(rig)
+    np.testing.assert_allclose(joints["wrist control"][0], joints["hand.L"][0], atol=1e-5)
+    assert "Constraints" not in operator.reports[0][1]
+
+
+def test_constraints_that_hold_bones_are_mentioned(body):
+    rig = fits.template()
+    limit = rig.pose.bones["head"].constraints.new("LIMIT_LOCATION")
+    limit.use_max_z, limit.max_z = True, rig.data.bones["head"].head_local.z
+    operator = stand_in_for("fit_skeleton")
+    c.activate(rig, body)
+    bpy.context.view_layer.update()
+    assert operator.execute(bpy.context) == {"FINISHED"}
+    [(kind, text)] = operator.reports
+    assert kind == "WARNING"
+    assert "Constraints now hold 1 deforming bone off the new rest place: 'head'. Fit the skeleton" in text
+
+
 def test_a_doubtful_result_is_a_warning(body, monkeypatch):
     reports = []
     module = sys.modules[f"{MODULE}.core.fit"]
@@ -285,7 +312,7 @@ def test_a_doubtful_result_is_a_warning(body, monkeypatch):
     assert operator.execute(bpy.context) == {"FINISHED"}
     ((kind, text),) = reports
     assert kind == "WARNING"
-    assert text.startswith("'Rig' fitted into 'Body': 0 bones placed by the shape, 12 carried along, score 0.21, ")
+    assert text.startswith("'Rig' fitted into 'Body': 0 bones placed by the shape, 13 carried along, score 0.21, ")
     assert "The template looks like another species. The skeleton fits badly" in text
 
 

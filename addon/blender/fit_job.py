@@ -9,12 +9,15 @@ import bpy
 import numpy as np
 
 from ..core.character import Bones
-from ..core.errors import InputError, listed
+from ..core.errors import InputError, counted, listed
 from ..core.fit import FitTask, FittedBones, Template, fit_line, fit_notes
 from .body import read_body
 from .rest_bones import RestBones, check_movable, edit_bones, move_rest, read_rest
 from .scope import marked_bones
 from .transform import to_world, world_matrix
+
+# A bone whose matrix differs from rest by more than this is posed, or held by constraints.
+HELD = 0.01
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class FitJob:
         self._began = perf_counter()
         self._seconds: float | None = None
         self._armature = armature
+        self._held = _held_bones(armature, depsgraph)
         check_movable(armature)
         with edit_bones(armature) as bones:
             self._rest = read_rest(bones)
@@ -83,8 +87,29 @@ class FitJob:
                 )
         except ReferenceError as error:
             raise InputError("The armature was removed while it was being fitted.") from error
-        notes = [*fit_notes(fitted), *_stretch_notes(self._armature)]
+        notes = [*fit_notes(fitted), *_stretch_notes(self._armature), *self._constraint_notes()]
         return fit_line(self.template, self._body, fitted, self._seconds), notes
+
+    def _constraint_notes(self) -> list[str]:
+        """A sentence on bones that constraints hold away from their new places, where they did not before."""
+        if self._armature.mode == "EDIT" or self._held:
+            return []
+        held = _held_bones(self._armature, bpy.context.evaluated_depsgraph_get())
+        if not held:
+            return []
+        return [
+            f"Constraints now hold {counted(len(held), 'deforming bone')} off the new rest place: {listed(held)}. "
+            "Fit the skeleton that this rig was made from instead, for Rigify the metarig."
+        ]
+
+
+def _held_bones(armature: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> list[str]:
+    """Deforming bones that are not at rest in an evaluated scene, outside Edit Mode."""
+    bones = armature.evaluated_get(depsgraph).pose.bones
+    channels = np.empty(len(bones) * 16, np.float32)
+    bones.foreach_get("matrix_channel", channels)
+    off = np.abs(channels.reshape(-1, 4, 4) - np.eye(4)).max(axis=(1, 2), initial=0.0) > HELD
+    return [bone.name for bone, is_off in zip(bones, off, strict=True) if is_off and bone.bone.use_deform]
 
 
 def read_template(armature: bpy.types.Object, rest: RestBones, options: FitOptions) -> Template:

@@ -16,6 +16,10 @@ const MOST_STRETCH: f64 = 1.3;
 /// Joints outside by at most this share of the template's diameter are drawn inside.
 const DRAW: f64 = 0.025;
 
+/// Joints nearer than this share of the template's diameter are in one place, whatever bones they
+/// belong to: a rig's controls stand where the bones are that they move.
+const COINCIDENT: f64 = 1e-4;
+
 /// A turn and a scale about a point that goes to another.
 #[derive(Debug, Clone, Copy)]
 struct Motion {
@@ -46,7 +50,8 @@ impl Carrier<'_> {
     /// Places of all joints (J) from those that were found or are fixed.
     pub(super) fn run(&self, known: &[Option<DVec3>]) -> Vec<DVec3> {
         let points = &self.joints.points;
-        let mut places = known.to_vec();
+        let known = self.with_coincident(known);
+        let mut places = known.clone();
         let mut motions: Vec<Option<Motion>> = vec![None; self.template.bone_count()];
         let whole =
             Motion { turn: DQuat::IDENTITY, scale: self.whole.scale, from: DVec3::ZERO, to: self.whole.step };
@@ -65,9 +70,24 @@ impl Carrier<'_> {
                     });
                 }
             }
-            motions[bone] = self.motion(bone, known, &carried).or(parent);
+            motions[bone] = self.motion(bone, &known, &carried).or(parent);
         }
         places.iter().zip(points).map(|(place, &point)| place.unwrap_or_else(|| whole.apply(point))).collect()
+    }
+
+    /// Known places (J), those of joints that coincide with a known one included.
+    fn with_coincident(&self, known: &[Option<DVec3>]) -> Vec<Option<DVec3>> {
+        let points = &self.joints.points;
+        let near = COINCIDENT * self.reduced.diameter;
+        let place = |joint: usize| {
+            known[joint].or_else(|| {
+                let mut others = (0..known.len()).filter(|&other| known[other].is_some());
+                others
+                    .find(|&other| points[other].distance(points[joint]) <= near)
+                    .and_then(|other| known[other])
+            })
+        };
+        (0..known.len()).map(place).collect()
     }
 
     /// Motion of a bone whose ends were found: its head's, turned the least from its parent's turn.
