@@ -71,8 +71,8 @@ def test_escape_while_it_works(started):
     operator, context, _, before = started
     assert operator.modal(context, event("TIMER")) == {"RUNNING_MODAL"}
     assert context.status.startswith("Fitting: ")
-    assert operator.modal(context, event("ESC", "PRESS")) == {"RUNNING_MODAL"}
-    assert until_ended(operator, context) == {"CANCELLED"}
+    status = operator.modal(context, event("ESC", "PRESS"))
+    assert (until_ended(operator, context) if status == {"RUNNING_MODAL"} else status) == {"CANCELLED"}
     assert operator.reports == [("WARNING", "Cancelled. Nothing was changed.")]
     assert fits.everything() == before
     assert context.status is None

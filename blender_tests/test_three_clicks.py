@@ -83,7 +83,7 @@ def assert_moves(rest, plain, corrected, edges):
 
 def assert_in_place(ob, rig, kind):
     """Joints of the trunk and the limbs are inside the body, or nearly so at its base; left ones on the left."""
-    near = 0.015 * max(ob.dimensions)
+    near = 0.02 * max(ob.dimensions)
     heads = {name: points[0] for name, points in fits.joints(rig).items()}
     outside = [
         name
