@@ -14,19 +14,33 @@ const SMOOTHING: usize = 4;
 /// Slices that are compared for their growth are this share of the body's diameter apart, twice.
 const GROWTH_STEP: f64 = 0.018;
 /// At a base the slices grow at least this much faster than in the middle of the limb.
-const CLEAR: f64 = 1.7;
+const CLEAR: f64 = 1.5;
+const LEAST_GROWTH: f64 = 0.15;
 /// What is cut off before a base when a limb is continued straight, as a share of the diameter.
-const BEFORE_BASE: f64 = 0.03;
+const BEFORE_BASE: f64 = 0.04;
+/// How far from where it is expected a narrow place counts, as a share of the limb.
+const NARROW_WINDOW: f64 = 0.08;
+/// It is narrower than the ends of that window by this share.
+const NARROWER: f64 = 0.04;
+
+/// Where a limb's first joint is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum BaseAt {
+    /// Where the slices begin to grow, relative to their size: a neck or a tail.
+    Surface,
+    /// Where they grow fastest: an arm or a leg, whose joint is inside the trunk.
+    Inside,
+}
 
 /// Slices of a limb from its tip on.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Centreline {
     /// Centre of each slice, smoothed along the line.
-    pub(super) centres: Vec<DVec3>,
+    centres: Vec<DVec3>,
     /// Length of the line from the tip to each centre.
-    pub(super) lengths: Vec<f64>,
+    lengths: Vec<f64>,
     /// Volume of each slice over its thickness.
-    pub(super) areas: Vec<f64>,
+    areas: Vec<f64>,
     step: f64,
 }
 
@@ -77,11 +91,6 @@ impl Centreline {
         Self { centres, lengths, areas, step }
     }
 
-    /// Length of the whole line.
-    pub(super) fn length(&self) -> f64 {
-        self.lengths[self.lengths.len() - 1]
-    }
-
     /// Point of the line at a length from the tip, clamped to the ends.
     pub(super) fn at(&self, length: f64) -> DVec3 {
         let next = self.lengths.partition_point(|&l| l <= length);
@@ -94,26 +103,48 @@ impl Centreline {
 
     /// Length at which the limb leaves the trunk, looked for between two lengths; `None` where it
     /// only grows evenly.
-    pub(super) fn base(&self, from: f64, to: f64, diameter: f64) -> Option<f64> {
+    pub(super) fn base(&self, [from, to]: [f64; 2], at: BaseAt, diameter: f64) -> Option<f64> {
         let reach = ((GROWTH_STEP * diameter / self.step).round() as usize).max(2);
-        let growth = |i: usize| {
-            let (low, high) = (self.areas[i - reach], self.areas[i + reach]);
-            (high.max(f64::MIN_POSITIVE) / low.max(f64::MIN_POSITIVE)).ln()
-        };
+        let radius = |i: usize| (self.areas[i] / std::f64::consts::PI).sqrt().max(f64::MIN_POSITIVE);
+        let ends = |i: usize| (radius(i - reach), radius(i + reach));
+        let relative = |i: usize| (ends(i).1 / ends(i).0).ln();
+        let absolute = |i: usize| (ends(i).1 - ends(i).0) / (2.0 * reach as f64 * self.step);
         let slices = reach..self.areas.len().saturating_sub(reach);
         let inside: Vec<usize> = slices.filter(|&i| (from..=to).contains(&self.lengths[i])).collect();
-        let &peak = inside.iter().max_by(|&&a, &&b| growth(a).total_cmp(&growth(b)))?;
-        let mut all: Vec<f64> = inside.iter().map(|&i| growth(i)).collect();
+        let largest = |growth: &dyn Fn(usize) -> f64| {
+            inside.iter().copied().max_by(|&a, &b| growth(a).total_cmp(&growth(b)))
+        };
+        let peak = largest(&relative)?;
+        let mut all: Vec<f64> = inside.iter().map(|&i| relative(i)).collect();
         all.sort_by(f64::total_cmp);
         let usual = all[all.len() / 2].max(0.0);
-        if growth(peak) < CLEAR * usual || growth(peak) < 0.3 {
+        let rise = (inside[0]..=peak).rev().find(|&i| relative(i) <= 0.5 * relative(peak))?;
+        if relative(peak) < CLEAR * usual || relative(peak) < LEAST_GROWTH {
             return None;
         }
-        let mut rise = peak;
-        while rise > inside[0] && growth(rise) > 0.5 * growth(peak) {
-            rise -= 1;
-        }
-        Some(0.5 * (self.lengths[rise] + self.lengths[peak]))
+        Some(match at {
+            BaseAt::Surface => self.lengths[rise],
+            // Thin limbs on thick trunks grow fastest soon, thick ones late.
+            BaseAt::Inside => 0.5 * (self.lengths[peak] + self.lengths[largest(&absolute)?]),
+        })
+    }
+
+    /// The narrowest place near a length, such as a knee; the length itself where there is none.
+    pub(super) fn narrow_near(&self, length: f64, limb: f64) -> f64 {
+        let (from, to) = (length - NARROW_WINDOW * limb, length + NARROW_WINDOW * limb);
+        let window: Vec<usize> =
+            (1..self.areas.len() - 1).filter(|&i| (from..=to).contains(&self.lengths[i])).collect();
+        let area = |i: usize| (self.areas[i - 1] + self.areas[i] * 2.0 + self.areas[i + 1]) * 0.25;
+        let (Some(&first), Some(&last)) = (window.first(), window.last()) else { return length };
+        let narrowest = window.iter().copied().min_by(|&a, &b| area(a).total_cmp(&area(b)));
+        let is_narrow = |i: &usize| area(*i) < (1.0 - NARROWER) * area(first).min(area(last));
+        narrowest.filter(is_narrow).map_or(length, |i| self.lengths[i])
+    }
+
+    /// Radius of each of two equal limbs side by side that make up the slice at a length.
+    pub(super) fn half_radius(&self, length: f64) -> f64 {
+        let slice = self.lengths.partition_point(|&l| l < length).min(self.areas.len() - 1);
+        (self.areas[slice] / (2.0 * std::f64::consts::PI)).sqrt()
     }
 
     /// The point at a base, where the limb would be if it went on as it does just before: the slices

@@ -10,7 +10,7 @@ use std::collections::BinaryHeap;
 
 use glam::DVec3;
 
-use super::penalties::{self, MISSING, ONE_SIDED};
+use super::penalties::{self, MISSING, ONE_SIDED, SHARED_TIP};
 use super::reduced_skeleton::ReducedSkeleton;
 use super::sphere_graph::SphereGraph;
 use super::symmetry::TemplateMirror;
@@ -38,8 +38,10 @@ pub(super) struct Search<'a> {
     pub(super) graph: &'a SphereGraph,
     /// Length in the body for a length in the template.
     pub(super) scale: f64,
-    /// Mirror planes of template and mesh, where both have one.
-    pub(super) mirrors: Option<(&'a TemplateMirror, Plane)>,
+    /// Partners of the template's joints.
+    pub(super) mirror: Option<&'a TemplateMirror>,
+    /// The mirror plane of the mesh.
+    pub(super) plane: Option<Plane>,
 }
 
 /// Where a node went.
@@ -54,8 +56,10 @@ pub(super) enum Place {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Embedding {
     pub(super) nodes: Vec<(usize, Place)>,
-    /// Mean penalty over the pairs of nodes.
+    /// Sum of all penalties.
     pub(super) cost: f64,
+    /// Mean penalty over the pairs of nodes that have a place.
+    pub(super) mean: f64,
 }
 
 struct Node {
@@ -73,10 +77,17 @@ impl Search<'_> {
             return None;
         }
         let nodes = self.nodes();
-        let pairs = (nodes.len() * nodes.len().saturating_sub(1) / 2).max(1);
         let (cost, places) = self.best_first(&nodes);
+        let found: Vec<(&Node, Place)> =
+            nodes.iter().zip(places.iter().copied()).filter(|(_, place)| *place != Place::Nowhere).collect();
+        let mut sum = 0.0;
+        for (i, &one) in found.iter().enumerate() {
+            sum += self.single(one.0, one.1, 0);
+            sum += found[..i].iter().map(|&other| self.pair(one, other)).sum::<f64>();
+        }
+        let pairs = found.len() * found.len().saturating_sub(1) / 2;
         let nodes = nodes.iter().zip(places).map(|(node, place)| (node.joint, place)).collect();
-        Some(Embedding { nodes, cost: cost / pairs as f64 })
+        Some(Embedding { nodes, cost, mean: sum / pairs.max(1) as f64 })
     }
 
     fn nodes(&self) -> Vec<Node> {
@@ -134,43 +145,49 @@ impl Search<'_> {
         }
     }
 
+    fn are_partners(&self, one: usize, other: usize) -> bool {
+        self.mirror.is_some_and(|mirror| mirror.partner[one] == Some(other))
+    }
+
     /// Penalties of a node by itself.
-    fn single(&self, node: &Node, place: Place) -> f64 {
+    fn single(&self, node: &Node, place: Place, others: usize) -> f64 {
         let tip = match place {
-            Place::Nowhere => return MISSING,
+            Place::Nowhere => return MISSING * others as f64,
             Place::Tip(tip) => penalties::tip(self.tips.tips[tip].length, self.scale * node.limb),
             Place::Sphere(_) => 0.0,
         };
-        let middle = self.mirrors.as_ref().zip(self.position(place)).map_or(0.0, |((mirror, plane), at)| {
-            match mirror.partner[node.joint] == Some(node.joint) {
-                true => penalties::symmetry(plane, at, at, self.tips.diameter),
-                false => 0.0,
-            }
-        });
-        tip + middle
+        let is_middle = self.are_partners(node.joint, node.joint);
+        if let Place::Tip(tip) = place
+            && self.tips.tips[tip].is_middle
+            && !is_middle
+        {
+            return f64::INFINITY;
+        }
+        match (is_middle, &self.plane, self.position(place)) {
+            (true, Some(plane), Some(at)) => tip + penalties::symmetry(plane, at, at, self.tips.diameter),
+            _ => tip,
+        }
     }
 
     /// Penalties between two nodes.
     fn pair(&self, one: (&Node, Place), other: (&Node, Place)) -> f64 {
-        let is_pair =
-            |(mirror, _): &(&TemplateMirror, Plane)| mirror.partner[one.0.joint] == Some(other.0.joint);
+        let are_partners = self.are_partners(one.0.joint, other.0.joint);
         let (a, b) = match (self.position(one.1), self.position(other.1)) {
             (Some(a), Some(b)) => (a, b),
             (None, None) => return 0.0,
-            _ => return if self.mirrors.as_ref().is_some_and(is_pair) { ONE_SIDED } else { 0.0 },
+            _ => return if are_partners { ONE_SIDED } else { 0.0 },
         };
         if one.1 == other.1 {
-            return f64::INFINITY;
+            return if are_partners { SHARED_TIP } else { f64::INFINITY };
         }
         let expected = one.0.ways[other.0.joint];
         let length = penalties::length(self.way(one.1, other.1), self.scale * expected);
         let bone = self.points[other.0.joint] - self.points[one.0.joint];
         let direction = penalties::direction(b - a, bone, expected);
-        let symmetry =
-            self.mirrors.as_ref().map_or(0.0, |(mirror, plane)| match is_pair(&(mirror, *plane)) {
-                true => penalties::symmetry(plane, a, b, self.tips.diameter),
-                false => 0.0,
-            });
+        let symmetry = match (are_partners, &self.plane) {
+            (true, Some(plane)) => penalties::symmetry(plane, a, b, self.tips.diameter),
+            _ => 0.0,
+        };
         length + direction + symmetry
     }
 
@@ -230,7 +247,7 @@ impl Table {
         for node in nodes {
             first.push(first[first.len() - 1] + node.candidates.len());
         }
-        let single = all.iter().map(|&(n, place)| search.single(&nodes[n], place)).collect();
+        let single = all.iter().map(|&(n, place)| search.single(&nodes[n], place, nodes.len() - 1)).collect();
         let pairs = all.iter().flat_map(|&(n, place)| {
             all.iter().map(move |&(m, other)| match n == m {
                 true => f64::INFINITY,

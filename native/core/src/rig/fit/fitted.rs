@@ -10,9 +10,10 @@ use super::distance_field::DistanceField;
 use super::error::FitError;
 use super::joints::Joints;
 use super::lengths::keep_lengths;
-use super::reduced_skeleton::ReducedSkeleton;
+use super::reduced_skeleton::{ReducedSkeleton, without_ground_roots};
 use super::score;
 use super::shape::{Input, Shape};
+use super::symmetry::TemplateMirror;
 use super::template::{Similarity, scaled_template};
 use crate::mesh::TriangleMesh;
 use crate::progress::Progress;
@@ -20,6 +21,8 @@ use crate::rig::Skeleton;
 
 /// Below this score an embedding is not given.
 const LEAST_SCORE: f64 = 0.3;
+/// Below this score the message says so.
+const POOR_SCORE: f64 = 0.5;
 /// The scaled template's score is at most this.
 const TEMPLATE_SCORE: f64 = 0.25;
 /// The largest piece must have this share of the mesh's area.
@@ -76,14 +79,24 @@ pub fn fit_skeleton(
     }
     let field = DistanceField::new(body, progress)?;
     let joints = Joints::new(template);
-    let reduced = ReducedSkeleton::new(template, &joints, &choices.deform);
+    let body_bones = without_ground_roots(template, &choices.deform);
+    let mirror = TemplateMirror::new(template, &joints, &body_bones);
+    let reduced = ReducedSkeleton::new(template, &joints, body_bones, mirror.as_ref());
     let fit = Fit { template, joints: &joints, choices: &choices, field: &field, low, high };
     let why = if part.share < LEAST_PIECE {
         "The mesh is in pieces far apart"
     } else if field.voxels.is_empty() {
         "The mesh encloses no volume"
     } else if let Some(reduced) = &reduced {
-        let input = Input { body, field: &field, template, joints: &joints, reduced, choices: &choices };
+        let input = Input {
+            body,
+            field: &field,
+            joints: &joints,
+            reduced,
+            mirror: mirror.as_ref(),
+            choices: &choices,
+            size_scale: fit.whole(&fit.in_body(&reduced.body_bones))?.scale,
+        };
         match input.embed(progress)? {
             Some(shape) => {
                 let fitted = fit.embedded(&shape, reduced)?;
@@ -159,11 +172,15 @@ impl Fit<'_> {
         let (lost, all) = shape.limbs;
         let inside = score::share_inside(&segments, self.field);
         let share = (all - lost) as f64 / all.max(1) as f64;
-        let score = inside * score::of_cost(shape.cost) * score::of_lengths(&lengths) * share;
-        let mut message = String::new();
-        if lost > 0 {
-            message = format!("{lost} of {all} limbs were not found in the mesh; they were carried along.");
-        }
+        let score = inside * score::of_cost(shape.cost) * score::of_lengths(&lengths) * share * share;
+        let message = match lost {
+            0 if score < POOR_SCORE => {
+                "The fit is poor; the template may be of another kind of creature.".to_owned()
+            }
+            0 => String::new(),
+            1 => format!("1 of {all} limbs was not found in the mesh; it was carried along."),
+            _ => format!("{lost} of {all} limbs were not found in the mesh; they were carried along."),
+        };
         Ok(FittedSkeleton {
             skeleton,
             method: FitMethod::Embedding,

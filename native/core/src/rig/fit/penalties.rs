@@ -16,8 +16,10 @@ const SYMMETRY: f64 = 8.0;
 /// A share of a limb's length that its tip must at least reach out of the body.
 const TIP_SHARE: f64 = 0.35;
 const SHORT_TIP: f64 = 1.0;
-/// Price of a limb that is not embedded.
-pub(super) const MISSING: f64 = 5.0;
+/// Price of a limb that is not embedded, for every other node.
+pub(super) const MISSING: f64 = 1.3;
+/// Price of two mirrored limbs that end in one tip, as where paws touch.
+pub(super) const SHARED_TIP: f64 = 5.0;
 /// Price of a limb that is embedded without its mirror image.
 pub(super) const ONE_SIDED: f64 = 2.0;
 

@@ -5,13 +5,18 @@
 use glam::DVec3;
 
 use super::joints::{Joints, bounds};
-use crate::rig::Skeleton;
+use super::symmetry::TemplateMirror;
 use crate::rig::bone_map::names_a_root;
+use crate::rig::{Skeleton, distance_to_segment};
 
 /// Branches that reach less far than this share of the longest way through the skeleton are left out.
 const SHORTEST_LIMB: f64 = 0.08;
 /// A limb of a single bone must reach out this far, or it is a breast or a pelvis bone.
 const LONE_BONE: f64 = 0.15;
+/// The only limb in the mirror plane at a branching, a neck with its head or a tail, may be this short.
+const SHORTEST_MIDDLE: f64 = 0.045;
+/// A joint nearer to the trunk's axis than this share of the diameter is in it.
+const BESIDE_TRUNK: f64 = 0.02;
 /// A root whose child is farther away than this share of the size stands on the ground, not in the body.
 const FAR_ROOT: f64 = 0.2;
 /// A tree of bones joins the body's where it begins nearer than this share of the size.
@@ -25,6 +30,9 @@ pub(super) struct Limb {
     pub(super) joints: Vec<usize>,
     /// Length of the way from the end to each of the joints.
     pub(super) lengths: Vec<f64>,
+    /// Whether each joint is beside the trunk, not in its axis as the inner end of a collar bone is.
+    /// True for all of a limb in the middle.
+    pub(super) beside_trunk: Vec<bool>,
 }
 
 /// The template reduced to its limbs and the tree of joints that carries them.
@@ -42,9 +50,13 @@ pub(super) struct ReducedSkeleton {
 }
 
 impl ReducedSkeleton {
-    /// Reduces a template; `None` where it has no two ends that are apart.
-    pub(super) fn new(template: &Skeleton, joints: &Joints, deform: &[bool]) -> Option<Self> {
-        let body_bones = without_ground_roots(template, deform);
+    /// Reduces a template with the bones (B) that follow the body; `None` where it has no two ends that are apart.
+    pub(super) fn new(
+        template: &Skeleton,
+        joints: &Joints,
+        body_bones: Vec<bool>,
+        mirror: Option<&TemplateMirror>,
+    ) -> Option<Self> {
         let mut edges = edges(template, joints, &body_bones);
         join_trees(&joints.points, &mut edges);
         let mut links: Vec<Vec<usize>> = vec![Vec::new(); joints.points.len()];
@@ -60,9 +72,9 @@ impl ReducedSkeleton {
             Self { limbs: Vec::new(), branchings: Vec::new(), links, body_bones, diameter: 0.0 };
         reduced.keep_largest_tree(&joints.points);
         reduced.diameter = reduced.longest_way(&joints.points)?;
-        reduced.prune(&joints.points, &gaps);
+        reduced.prune(&joints.points, &gaps, mirror);
         reduced.branchings = (0..reduced.links.len()).filter(|&j| reduced.links[j].len() > 2).collect();
-        reduced.limbs = reduced.all_limbs(&joints.points);
+        reduced.limbs = reduced.all_limbs(&joints.points, mirror);
         Some(reduced)
     }
 
@@ -130,7 +142,7 @@ impl ReducedSkeleton {
     }
 
     /// Takes the shortest branch away as long as one is too short.
-    fn prune(&mut self, points: &[DVec3], gaps: &[(usize, usize)]) {
+    fn prune(&mut self, points: &[DVec3], gaps: &[(usize, usize)], mirror: Option<&TemplateMirror>) {
         let is_gap = |pair: &[usize]| gaps.contains(&(pair[0].min(pair[1]), pair[0].max(pair[1])));
         loop {
             let ends: Vec<usize> = (0..self.links.len()).filter(|&j| self.links[j].len() == 1).collect();
@@ -144,16 +156,27 @@ impl ReducedSkeleton {
                     .sum();
                 (reach - GAP_COST * gap, path)
             };
-            let shortest = ends
-                .into_iter()
-                .map(branch)
+            let is_middle = |joint: usize| mirror.is_some_and(|m| m.partner[joint] == Some(joint));
+            let branches: Vec<(f64, Vec<usize>)> = ends.into_iter().map(branch).collect();
+            let middle_at = |branching: usize| {
+                let here = branches.iter().filter(|(_, path)| path[path.len() - 1] == branching);
+                here.filter(|(_, path)| is_middle(path[0])).count()
+            };
+            let shortest = branches
+                .iter()
                 .filter(|(_, path)| self.links[path[path.len() - 1]].len() > 2)
                 .filter(|(reach, path)| {
                     let is_lone = path.windows(2).filter(|pair| !is_gap(pair)).count() < 2;
-                    *reach < self.diameter * if is_lone { LONE_BONE } else { SHORTEST_LIMB }
+                    let is_only = is_middle(path[0]) && middle_at(path[path.len() - 1]) == 1;
+                    let least = match (is_lone, is_only) {
+                        (_, true) => SHORTEST_MIDDLE,
+                        (false, false) => SHORTEST_LIMB,
+                        (true, false) => LONE_BONE,
+                    };
+                    *reach < self.diameter * least
                 })
                 .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            let Some((_, path)) = shortest else { return };
+            let Some(path) = shortest.map(|(_, path)| path.clone()) else { return };
             for pair in path.windows(2) {
                 self.links[pair[0]].clear();
                 self.links[pair[1]].retain(|&j| j != pair[0]);
@@ -176,19 +199,36 @@ impl ReducedSkeleton {
         path
     }
 
-    fn all_limbs(&self, points: &[DVec3]) -> Vec<Limb> {
-        let ends = (0..self.links.len()).filter(|&j| self.links[j].len() == 1);
-        ends.map(|end| {
-            let joints = self.chain(end);
+    /// Limbs, ends ascending.
+    fn all_limbs(&self, points: &[DVec3], mirror: Option<&TemplateMirror>) -> Vec<Limb> {
+        let ends: Vec<usize> = (0..self.links.len()).filter(|&j| self.links[j].len() == 1).collect();
+        let chains: Vec<Vec<usize>> = ends.iter().map(|&end| self.chain(end)).collect();
+        // The axis of the trunk: every link that is not part of a limb on a side.
+        let is_middle = |joint: usize| mirror.is_none_or(|m| m.partner[joint] == Some(joint));
+        let on_a_side = |a: usize, b: usize| {
+            let holds = |chain: &&Vec<usize>| chain.windows(2).any(|pair| pair == [a, b] || pair == [b, a]);
+            chains.iter().find(holds).is_some_and(|chain| mirror.is_some() && !is_middle(chain[0]))
+        };
+        let axis: Vec<(usize, usize)> = (0..self.links.len())
+            .flat_map(|a| self.links[a].iter().map(move |&b| (a, b)))
+            .filter(|&(a, b)| a < b && !on_a_side(a, b))
+            .collect();
+        let from_axis = |joint: usize| {
+            let ways = axis.iter().map(|&(a, b)| distance_to_segment(points[joint], points[a], points[b]));
+            ways.fold(f64::INFINITY, f64::min)
+        };
+        let limb = |joints: Vec<usize>| {
             let mut sum = 0.0;
             let mut lengths = vec![0.0];
             for pair in joints.windows(2) {
                 sum += points[pair[0]].distance(points[pair[1]]);
                 lengths.push(sum);
             }
-            Limb { joints, lengths }
-        })
-        .collect()
+            let is_side = mirror.is_some() && !is_middle(joints[0]);
+            let beside = |&joint: &usize| !is_side || from_axis(joint) > BESIDE_TRUNK * self.diameter;
+            Limb { beside_trunk: joints.iter().map(beside).collect(), joints, lengths }
+        };
+        chains.iter().cloned().map(limb).collect()
     }
 }
 
@@ -264,7 +304,7 @@ fn join_trees(points: &[DVec3], edges: &mut Vec<Edge>) {
 }
 
 /// Deforming bones without the roots that only say where the character stands.
-fn without_ground_roots(template: &Skeleton, deform: &[bool]) -> Vec<bool> {
+pub(super) fn without_ground_roots(template: &Skeleton, deform: &[bool]) -> Vec<bool> {
     let mut body: Vec<bool> = deform.to_vec();
     let heads = template.heads();
     let deforming = || (0..deform.len()).filter(|&b| deform[b]);

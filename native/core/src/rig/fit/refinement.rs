@@ -11,14 +11,15 @@ use crate::rig::bind::Plane;
 
 /// How much more a place counts than a bone of usual length.
 const PLACE: f64 = 30.0;
-const BASE: f64 = 8.0;
+const BASE: f64 = 15.0;
 /// Scales of the trunk's axes differ from its mean scale by at most this factor.
 const MOST_UNEVEN: f64 = 1.5;
 /// Trust in one scale for all axes.
 const EVEN: f64 = 0.1;
-/// Joints of the trunk are at least this share of the deepest voxel's depth below the surface, those of
-/// limbs this share of the depth around them.
+/// Joints of the trunk are at least this share of the deepest voxel's depth below the surface.
 const TRUNK_DEPTH: f64 = 0.3;
+/// Joints on a side are at least this share of the template's distance from the mirror plane.
+const LEAST_BESIDE: f64 = 0.4;
 /// Rounds of pulling joints inside and relaxing their bones.
 const ROUNDS: usize = 3;
 
@@ -85,9 +86,17 @@ impl Refinement<'_> {
             Some(_) => 0.5 * self.field.cell,
         };
         let inside = self.field.pulled_inside(place, depth);
-        let is_middle = |(mirror, _): &&(&TemplateMirror, Plane)| mirror.partner[joint] == Some(joint);
-        match self.mirrors.as_ref().filter(is_middle) {
-            Some((_, plane)) => inside - plane.normal * plane.height(inside),
+        let Some((mirror, plane)) = &self.mirrors else { return inside };
+        let height = plane.height(inside);
+        match mirror.partner[joint] {
+            Some(partner) if partner == joint => inside - plane.normal * height,
+            Some(_) => {
+                // Left stays left, and not much nearer to the middle than in the template.
+                let expected = mirror.plane.height(self.points[joint]);
+                let least = LEAST_BESIDE * self.scale * expected.abs();
+                let lack = (least - height * expected.signum()).max(0.0);
+                inside + plane.normal * (lack * expected.signum())
+            }
             None => inside,
         }
     }

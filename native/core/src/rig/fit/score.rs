@@ -7,7 +7,7 @@ use super::distance_field::DistanceField;
 /// Points of a bone to look at.
 const LOOKS: u32 = 8;
 /// Mean penalty of an embedding at which its share of the score is a half.
-const HALF_COST: f64 = 0.3;
+const HALF_COST: f64 = 0.5;
 /// Standard deviation of the logarithm of the bones' stretches at which their share is a half.
 const HALF_UNEVEN: f64 = 0.6;
 

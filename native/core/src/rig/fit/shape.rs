@@ -18,7 +18,6 @@ use super::symmetry::{TemplateMirror, mesh_mirror};
 use super::tips::Tips;
 use crate::mesh::TriangleMesh;
 use crate::progress::Progress;
-use crate::rig::Skeleton;
 
 /// Scales that the search tries, beside the one at which the longest ways are equal.
 const SCALES: [f64; 5] = [1.0, 0.87, 1.15, 0.75, 1.32];
@@ -43,10 +42,13 @@ pub(super) struct Shape {
 pub(super) struct Input<'a> {
     pub(super) body: &'a TriangleMesh,
     pub(super) field: &'a DistanceField,
-    pub(super) template: &'a Skeleton,
     pub(super) joints: &'a Joints,
     pub(super) reduced: &'a ReducedSkeleton,
+    /// Partners of the template's joints.
+    pub(super) mirror: Option<&'a TemplateMirror>,
     pub(super) choices: &'a Choices,
+    /// Scale between the sizes of template and body.
+    pub(super) size_scale: f64,
 }
 
 impl Input<'_> {
@@ -54,16 +56,13 @@ impl Input<'_> {
     pub(super) fn embed(&self, progress: &Progress) -> Result<Option<Shape>, FitError> {
         progress.begin("Finding limbs", 0.4, 0.7)?;
         let ways = Ways::new(self.field);
-        let Some(tips) = Tips::new(&ways) else { return Ok(None) };
-        progress.report(0.6)?;
+        let wanted = self.mirror.filter(|_| self.choices.mirror);
+        let plane = wanted.and_then(|mirror| mesh_mirror(self.body, mirror.plane.normal));
+        let mirrors = wanted.zip(plane);
+        progress.report(0.2)?;
+        let Some(tips) = Tips::new(&ways, plane.as_ref()) else { return Ok(None) };
+        progress.report(0.7)?;
         let graph = SphereGraph::new(self.field, &medial_surface(self.field));
-        let mirror = self
-            .choices
-            .mirror
-            .then(|| TemplateMirror::new(self.template, self.joints, &self.reduced.body_bones))
-            .flatten();
-        let plane = mirror.as_ref().and_then(|mirror| mesh_mirror(self.body, mirror.plane.normal));
-        let mirrors = mirror.as_ref().zip(plane);
         progress.begin("Embedding the skeleton", 0.7, 0.85)?;
         let first = tips.diameter / self.reduced.diameter;
         let search = |factor: f64| Search {
@@ -73,7 +72,8 @@ impl Input<'_> {
             tip_places: tips.tips.iter().map(|tip| self.field.position(tip.voxel)).collect(),
             graph: &graph,
             scale: factor * first,
-            mirrors,
+            mirror: self.mirror,
+            plane,
         };
         let mut best: Option<(f64, Embedding)> = None;
         for factor in SCALES {
@@ -91,7 +91,7 @@ impl Input<'_> {
         if found.is_empty() {
             return Ok(None);
         }
-        let scale = common_scale(&found, first);
+        let scale = common_scale(&found, self.size_scale);
         let mut targets: Vec<Option<Target>> = vec![None; self.joints.points.len()];
         for limb in &found {
             for (joint, place, is_base) in limb.targets(scale, tips.diameter) {
@@ -119,7 +119,7 @@ impl Input<'_> {
             missing,
             limbs: (lost.len(), self.reduced.limbs.len()),
             scale,
-            cost: embedding.cost,
+            cost: embedding.mean,
             symmetric: mirrors.is_some(),
         }))
     }
@@ -138,7 +138,16 @@ impl Input<'_> {
             match place {
                 Some(Place::Tip(tip)) => {
                     let line = Centreline::new(ways, &tips.tips[tip], tips.middle);
-                    found.push(FoundLimb::new(limb, line, scale, tips.diameter));
+                    let end = limb.joints[0];
+                    let is_middle = self.mirror.is_some_and(|m| m.partner[end] == Some(end));
+                    let is_shared = embedding.nodes.iter().any(|n| n.0 != end && n.1 == Place::Tip(tip));
+                    let beside = match (self.mirror, is_shared) {
+                        (Some(mirror), true) => {
+                            mirror.plane.normal * mirror.plane.height(self.joints.points[end]).signum()
+                        }
+                        _ => DVec3::ZERO,
+                    };
+                    found.push(FoundLimb::new(limb, line, is_middle, beside, scale, tips.diameter));
                 }
                 _ => lost.push(limb),
             }

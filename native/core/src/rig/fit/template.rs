@@ -8,9 +8,6 @@ use super::joints::{Joints, bounds};
 
 /// A joint of the fallback is at least this share of the deepest voxel's depth below the surface.
 const LEAST_DEPTH: f64 = 0.15;
-/// No joint is pulled farther than this share of the body's size.
-const FARTHEST_PULL: f64 = 0.25;
-
 /// A uniform scale about the origin followed by a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Similarity {
@@ -40,7 +37,7 @@ impl Similarity {
     }
 }
 
-/// Joints (J) of the template scaled to the field's bounds, those of the body (J) pulled inside.
+/// Joints (J) of the template after a similarity, those of the body (J) pulled inside.
 pub(super) fn scaled_template(
     joints: &Joints,
     in_body: &[bool],
@@ -48,11 +45,9 @@ pub(super) fn scaled_template(
     field: &DistanceField,
 ) -> Vec<DVec3> {
     let deepest = field.depth.iter().copied().fold(0.0, f64::max);
-    let reach = FARTHEST_PULL * (field.high - field.low).max_element();
     let place = |(&point, &in_body): (&DVec3, &bool)| {
         let scaled = similarity.apply(point);
-        let inside = if in_body { field.pulled_inside(scaled, LEAST_DEPTH * deepest) } else { scaled };
-        if inside.distance(scaled) <= reach { inside } else { scaled }
+        if in_body { field.pulled_inside(scaled, LEAST_DEPTH * deepest) } else { scaled }
     };
     joints.points.iter().zip(in_body).map(place).collect()
 }

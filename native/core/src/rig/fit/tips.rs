@@ -6,6 +6,7 @@
 //! length (persistence, Edelsbrunner et al. 2002).
 
 use super::geodesic::Ways;
+use crate::rig::bind::Plane;
 
 /// Tips reach at least this share of the body's geodesic diameter over where they begin.
 const SHORTEST: f64 = 0.025;
@@ -20,6 +21,9 @@ pub(super) struct Tip {
     pub(super) length: f64,
     /// Distance of every voxel (N) from it through the body.
     pub(super) distances: Vec<f64>,
+    /// A tip of the body's outline in its mirror plane, such as a snout between two ears: only for
+    /// limbs in the middle.
+    pub(super) is_middle: bool,
 }
 
 /// The body's tips, the longest first, its middle, and its geodesic diameter.
@@ -31,8 +35,8 @@ pub(super) struct Tips {
 }
 
 impl Tips {
-    /// Finds the tips; `None` for a body without voxels.
-    pub(super) fn new(ways: &Ways) -> Option<Self> {
+    /// Finds the tips, and those of the outline in a mirror plane; `None` for a body without voxels.
+    pub(super) fn new(ways: &Ways, plane: Option<&Plane>) -> Option<Self> {
         let field = ways.field;
         let count = field.voxels.len() as u32;
         let deepest = (0..count)
@@ -54,20 +58,41 @@ impl Tips {
             .filter(|&id| around[id as usize] <= 0.08 * diameter)
             .max_by(|&a, &b| field.depth[a as usize].total_cmp(&field.depth[b as usize]).then(b.cmp(&a)))?;
         let from_middle = ways.distances(&[(middle, 0.0)], None);
-        let mut tips = lasting_maxima(ways, &from_middle);
-        tips.retain(|tip| tip.1 >= SHORTEST * diameter);
-        tips.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        tips.truncate(MOST);
-        let tips = tips
-            .into_iter()
-            .map(|(voxel, length)| Tip { voxel, length, distances: ways.distances(&[(voxel, 0.0)], None) })
-            .collect();
+        let longest = |mut tips: Vec<(u32, f64)>| {
+            tips.retain(|tip| tip.1 >= SHORTEST * diameter);
+            tips.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+            tips.truncate(MOST);
+            tips
+        };
+        let tip = |(voxel, length): (u32, f64), is_middle| Tip {
+            voxel,
+            length,
+            distances: ways.distances(&[(voxel, 0.0)], None),
+            is_middle,
+        };
+        let found = longest(lasting_maxima(ways, &from_middle));
+        let mut tips: Vec<Tip> = found.into_iter().map(|found| tip(found, false)).collect();
+        if let Some(plane) = plane {
+            let in_plane: Vec<f64> = (0..count)
+                .map(|id| match plane.height(field.position(id)).abs() <= field.cell {
+                    true => from_middle[id as usize],
+                    false => f64::INFINITY,
+                })
+                .collect();
+            for (voxel, length) in longest(lasting_maxima(ways, &in_plane)) {
+                let is_new = |tip: &Tip| tip.distances[voxel as usize] > SHORTEST * diameter;
+                if tips.iter().all(is_new) {
+                    tips.push(tip((voxel, length), true));
+                }
+            }
+        }
         Some(Self { tips, middle, diameter })
     }
 }
 
-/// Local maxima of a function on the voxels, and how far each reaches over its meeting with a larger one.
-pub(super) fn lasting_maxima(ways: &Ways, values: &[f64]) -> Vec<(u32, f64)> {
+/// Local maxima of a function on the voxels where it is finite, and how far each reaches over its
+/// meeting with a larger one.
+fn lasting_maxima(ways: &Ways, values: &[f64]) -> Vec<(u32, f64)> {
     let mut order: Vec<u32> =
         (0..values.len() as u32).filter(|&id| values[id as usize].is_finite()).collect();
     order.sort_by(|&a, &b| values[b as usize].total_cmp(&values[a as usize]).then(a.cmp(&b)));
