@@ -163,10 +163,11 @@ def fit_counts(template: Template, fitted: FittedBones) -> list[str]:
 
 def fit_notes(fitted: FittedBones) -> list[str]:
     """Sentences on what to look at, empty when all is well."""
-    notes = [sentence(fitted.message)] if fitted.message else []
+    if fitted.message:
+        return [sentence(fitted.message)]
     if fitted.score < GOOD_SCORE:
-        notes.append("The skeleton fits badly: compare it with the body before you use it.")
-    return notes
+        return ["The skeleton fits badly: compare it with the body before you use it."]
+    return []
 
 
 def check_lengths(name: str, bones: Sequence[str], lengths: Floats, shortest: float) -> None:
