@@ -29,6 +29,7 @@ bench: zip ## Measure the spectral solver, the skin, its frames and retargeted w
 	@$(VENV_PYTHON) bench/skin_frames.py
 	@$(VENV_PYTHON) bench/retarget.py
 	@$(VENV_PYTHON) bench/bind.py
+	@$(VENV_PYTHON) bench/fit.py
 
 lint: wheel ## Run the formatters' checks, the linters and the type checker alone
 	@$(VENV_PYTHON) scripts/run_tests.py lint

@@ -156,3 +156,30 @@ impl Cells {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn debris_far_away_is_left_out() {
+        let at = |x: f64| DVec3::new(x, 0.0, 0.0);
+        let one = crate::rig::fit::test_bodies::tubes(&[(at(0.0), at(1.0), 0.1)]);
+        let whole =
+            crate::rig::fit::test_bodies::tubes(&[(at(0.0), at(1.0), 0.1), (at(500.0), at(500.1), 0.02)]);
+        let part = BodyPart::new(&whole);
+        let kept = part.belongs.iter().filter(|&&belongs| belongs).count();
+        assert_eq!(kept, one.triangles().len());
+        assert!((0.9..1.0).contains(&part.share), "{}", part.share);
+        assert_eq!(only_triangles(&whole, &part.belongs).unwrap().vertex_count(), one.vertex_count());
+    }
+
+    #[test]
+    fn pieces_with_small_gaps_are_one_body() {
+        let at = |x: f64| DVec3::new(x, 0.0, 0.0);
+        let mesh = crate::rig::fit::test_bodies::tubes(&[(at(0.0), at(1.0), 0.1), (at(1.22), at(2.0), 0.1)]);
+        assert!(BodyPart::new(&mesh).belongs.iter().all(|&belongs| belongs));
+        let point = TriangleMesh::new(vec![DVec3::ONE; 3], vec![[0, 1, 2]]).unwrap();
+        assert_eq!(BodyPart::new(&point).share, 1.0);
+    }
+}

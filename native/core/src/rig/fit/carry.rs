@@ -123,3 +123,37 @@ impl Carrier<'_> {
         if inside.distance(place) <= most { inside } else { place }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::fit::reduced_skeleton::without_ground_roots;
+    use crate::rig::fit::test_bodies::{bone, field, skeleton, tubes};
+
+    #[test]
+    fn a_thumb_turns_with_its_hand_and_the_root_stays_below() {
+        let template = skeleton();
+        let joints = Joints::new(&template);
+        let body = without_ground_roots(&template, &vec![true; template.bone_count()]);
+        let reduced = ReducedSkeleton::new(&template, &joints, body, None).unwrap();
+        let field = field(&tubes(&[(DVec3::Z * 50.0, DVec3::Z * 51.0, 0.1)]));
+        // Everything turned by a right angle about y, and doubled.
+        let turned = |p: DVec3| DVec3::new(p.z, p.y, -p.x) * 2.0;
+        let known: Vec<Option<DVec3>> =
+            (0..joints.points.len()).map(|j| reduced.holds(j).then(|| turned(joints.points[j]))).collect();
+        let whole = Similarity { scale: 2.0, step: DVec3::ZERO };
+        let carrier = Carrier {
+            template: &template,
+            joints: &joints,
+            reduced: &reduced,
+            field: &field,
+            scale: 2.0,
+            whole,
+        };
+        let places = carrier.run(&known);
+        let thumb = joints.tails[bone(&template, "thumb_l")];
+        assert!(!reduced.holds(thumb));
+        assert!(places[thumb].distance(turned(joints.points[thumb])) < 1e-9, "{}", places[thumb]);
+        assert_eq!(places[joints.heads[bone(&template, "root")]], DVec3::ZERO);
+    }
+}

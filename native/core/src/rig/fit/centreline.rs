@@ -159,3 +159,31 @@ impl Centreline {
         self.at(near) + along * cut
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::fit::test_bodies::{field, tubes};
+    use crate::rig::fit::tips::Tips;
+
+    #[test]
+    fn follows_a_limb_and_finds_where_it_leaves_the_trunk() {
+        let limb = (DVec3::X * 0.3, DVec3::X * 1.5, 0.08);
+        let field = field(&tubes(&[(DVec3::Z * -0.5, DVec3::Z * 0.5, 0.35), limb]));
+        let ways = Ways::new(&field);
+        let tips = Tips::new(&ways, None).unwrap();
+        let end = DVec3::X * 1.58;
+        let tip = tips.tips.iter().find(|tip| field.position(tip.voxel).distance(end) < 0.1).unwrap();
+        let line = Centreline::new(&ways, tip, field.voxel_at(DVec3::ZERO).unwrap());
+        for length in [0.2, 0.5, 0.8] {
+            let off = line.at(length).reject_from(DVec3::X).length();
+            assert!(off < 0.02 && (1.58 - line.at(length).x - length).abs() < 0.1, "{length} {off}");
+        }
+        for (at, from, to) in [(BaseAt::Surface, 1.1, 1.35), (BaseAt::Inside, 1.15, 1.5)] {
+            let base = line.base([0.3, 1.6], at, tips.diameter).unwrap();
+            assert!((from..to).contains(&base), "{at:?} {base}");
+        }
+        assert_eq!(line.base([0.2, 0.9], BaseAt::Inside, tips.diameter), None);
+        assert_eq!(line.narrow_near(0.6, 1.0), 0.6, "a tube has no narrow place");
+    }
+}

@@ -9,6 +9,7 @@ use glam::{DVec3, IVec3};
 use rayon::prelude::*;
 
 use super::body_part::only_triangles;
+use super::voxel_grid::{VoxelGrid, index, is_inside, neighbours};
 use crate::cage::WindingNumber;
 use crate::mesh::{SurfaceQuery, TriangleMesh};
 use crate::progress::{Cancelled, Progress};
@@ -18,17 +19,10 @@ const FINEST: f64 = 170.0;
 const COARSE: f64 = 56.0;
 /// About as many voxels are inside at most.
 const MOST_INSIDE: f64 = 60_000.0;
-/// Voxels of a block that are decided together where the surface is far.
-const BLOCK: i32 = 4;
 /// How far beside a triangle, in voxels, to look whether it is inside of the body.
 const BESIDE: f64 = 0.1;
 /// Gaps up to this share of the body's size are bridged.
 const BRIDGE: f64 = 0.05;
-
-/// All offsets to the 26 neighbours of a voxel.
-pub(super) fn neighbours() -> impl Iterator<Item = IVec3> {
-    (0..27).filter(|&i| i != 13).map(|i| IVec3::new(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1))
-}
 
 /// Voxels inside a body and their distances from its surface.
 pub(super) struct DistanceField {
@@ -60,16 +54,12 @@ impl DistanceField {
         let Ok(surface) = SurfaceQuery::new(mesh) else {
             return Ok(Self::without_voxels(low, high, extent));
         };
-        let coarse = Grid::new(low, high, extent / COARSE).fill(mesh, &winding, &surface, progress)?;
+        let coarse = VoxelGrid::new(low, high, extent / COARSE).fill(mesh, &winding, &surface, progress)?;
         let count = coarse.inside.iter().filter(|&&inside| inside).count() as f64;
-        if count == 0.0 {
-            // Perhaps only thin; a fine grid decides.
-            progress.report(0.2)?;
-        }
         let fullest = (MOST_INSIDE / count.max(1.0)).cbrt();
         let cell = (coarse.cell / fullest).max(extent / FINEST);
         progress.report(0.2)?;
-        let grid = Grid::new(low, high, cell).fill(mesh, &winding, &surface, progress)?;
+        let grid = VoxelGrid::new(low, high, cell).fill(mesh, &winding, &surface, progress)?;
         progress.report(0.6)?;
         let mut field = Self::from_grid(&grid, low, high);
         field.keep_pieces(BRIDGE * extent);
@@ -98,7 +88,7 @@ impl DistanceField {
         }
     }
 
-    fn from_grid(grid: &Grid, low: DVec3, high: DVec3) -> Self {
+    fn from_grid(grid: &VoxelGrid, low: DVec3, high: DVec3) -> Self {
         let mut field = Self::without_voxels(low, high, grid.cell);
         (field.origin, field.size) = (grid.origin, grid.size);
         field.voxels = (0..grid.inside.len()).filter(|&i| grid.inside[i]).map(|i| grid.place(i)).collect();
@@ -246,150 +236,94 @@ impl DistanceField {
     }
 }
 
-fn index(size: IVec3, place: IVec3) -> usize {
-    ((place.z * size.y + place.y) * size.x + place.x) as usize
-}
-
-/// A box of voxels around the mesh, with a free layer on all sides.
-struct Grid {
-    origin: DVec3,
-    cell: f64,
-    size: IVec3,
-    inside: Vec<bool>,
-}
-
-impl Grid {
-    fn new(low: DVec3, high: DVec3, cell: f64) -> Self {
-        // Centred, so that a mirrored mesh has a mirrored grid.
-        let half = ((high - low) / (2.0 * cell)).ceil().as_ivec3() + 1;
-        let size = half * 2 + 1;
-        let origin = (low + high) * 0.5 - size.as_dvec3() * 0.5 * cell;
-        Self { origin, cell, size, inside: vec![false; (size.x * size.y * size.z) as usize] }
-    }
-
-    fn place(&self, index: usize) -> IVec3 {
-        let (x, y) = (self.size.x as usize, self.size.y as usize);
-        IVec3::new((index % x) as i32, (index / x % y) as i32, (index / x / y) as i32)
-    }
-
-    fn centre(&self, place: IVec3) -> DVec3 {
-        self.origin + (place.as_dvec3() + 0.5) * self.cell
-    }
-
-    fn contains(&self, place: IVec3) -> bool {
-        place.cmpge(IVec3::ZERO).all() && place.cmplt(self.size).all()
-    }
-
-    /// Decides which voxels are inside.
-    fn fill(
-        mut self,
-        mesh: &TriangleMesh,
-        winding: &WindingNumber,
-        surface: &SurfaceQuery,
-        progress: &Progress,
-    ) -> Result<Self, Cancelled> {
-        let blocks = (self.size + (BLOCK - 1)) / BLOCK;
-        let far = 3f64.sqrt() * 0.5 * f64::from(BLOCK) * self.cell;
-        let decide = |block: i32| {
-            let place =
-                IVec3::new(block % blocks.x, block / blocks.x % blocks.y, block / blocks.x / blocks.y);
-            let first = place * BLOCK;
-            let middle = self.origin + (first.as_dvec3() + 0.5 * f64::from(BLOCK)) * self.cell;
-            let members = (0..BLOCK.pow(3))
-                .map(|i| first + IVec3::new(i % BLOCK, i / BLOCK % BLOCK, i / BLOCK / BLOCK))
-                .filter(|&member| self.contains(member));
-            let distance = surface.closest_point(middle).map_or(f64::INFINITY, |found| found.distance);
-            if distance > far {
-                return match winding.is_inside(middle) {
-                    true => members.collect(),
-                    false => Vec::new(),
-                };
-            }
-            members.filter(|&member| winding.is_inside(self.centre(member))).collect::<Vec<_>>()
-        };
-        let found: Vec<Vec<IVec3>> =
-            (0..blocks.x * blocks.y * blocks.z).into_par_iter().map(decide).collect();
-        for place in found.into_iter().flatten() {
-            self.inside[index(self.size, place)] = true;
-        }
-        progress.report(0.4)?;
-        let touched = self.touched(mesh);
-        self.add_thin(&touched, winding);
-        self.add_enclosed(&touched);
-        Ok(self)
-    }
-
-    /// Voxels that the surface passes through.
-    fn touched(&self, mesh: &TriangleMesh) -> Vec<bool> {
-        let mut touched = vec![false; self.inside.len()];
-        for t in 0..mesh.triangles().len() {
-            let [a, b, c] = mesh.corners(t).map(|p| (p - self.origin) / self.cell);
-            let longest = (b - a).length().max((c - a).length()).max((c - b).length());
-            let steps = (2.0 * longest).ceil().clamp(1.0, 1024.0) as u32;
-            for i in 0..=steps {
-                for j in 0..=steps - i {
-                    let (u, v) = (f64::from(i) / f64::from(steps), f64::from(j) / f64::from(steps));
-                    let place = (a + (b - a) * u + (c - a) * v).floor().as_ivec3();
-                    if self.contains(place) {
-                        touched[index(self.size, place)] = true;
-                    }
-                }
-            }
-        }
-        touched
-    }
-
-    /// Adds voxels on parts that are so thin that they pass between the centres, such as fingers.
-    fn add_thin(&mut self, touched: &[bool], winding: &WindingNumber) {
-        let is_lonely = |place: IVec3| {
-            neighbours().all(|step| {
-                let next = place + step;
-                !self.contains(next) || !self.inside[index(self.size, next)]
-            })
-        };
-        let corners = || (0..8).map(|i| IVec3::new(i & 1, i >> 1 & 1, i >> 2 & 1).as_dvec3() - 0.5);
-        let thin: Vec<usize> = (0..touched.len())
-            .into_par_iter()
-            .filter(|&i| touched[i] && !self.inside[i] && is_lonely(self.place(i)))
-            .filter(|&i| {
-                let centre = self.centre(self.place(i));
-                corners().any(|corner| winding.is_inside(centre + corner * (0.5 * self.cell)))
-            })
-            .collect();
-        for i in thin {
-            self.inside[i] = true;
-        }
-    }
-
-    /// Adds voxels from which no way leads out without crossing the surface.
-    fn add_enclosed(&mut self, touched: &[bool]) {
-        let mut reached = touched.to_vec();
-        let mut front = vec![IVec3::ZERO];
-        reached[0] = true;
-        while let Some(place) = front.pop() {
-            for step in [IVec3::X, IVec3::Y, IVec3::Z].into_iter().flat_map(|axis| [axis, -axis]) {
-                let next = place + step;
-                if self.contains(next) && !std::mem::replace(&mut reached[index(self.size, next)], true) {
-                    front.push(next);
-                }
-            }
-        }
-        for (inside, reached) in self.inside.iter_mut().zip(reached) {
-            *inside |= !reached;
-        }
-    }
-}
-
 /// The triangles that have the outside on one side; `None` where there are none.
-fn outer_surface(mesh: &TriangleMesh, winding: &WindingNumber, grid: &Grid) -> Option<SurfaceQuery> {
+fn outer_surface(mesh: &TriangleMesh, winding: &WindingNumber, grid: &VoxelGrid) -> Option<SurfaceQuery> {
     let step = BESIDE * grid.cell;
     let is_outer: Vec<bool> = (0..mesh.triangles().len())
         .into_par_iter()
         .map(|t| {
             let [a, b, c] = mesh.corners(t);
             let (middle, normal) = ((a + b + c) / 3.0, mesh.area_vector(t).normalize_or_zero());
-            [-step, step].iter().any(|&side| !winding.is_inside(middle + normal * side))
+            [-step, step].iter().any(|&side| !is_inside(winding, middle + normal * side))
         })
         .collect();
     SurfaceQuery::new(&only_triangles(mesh, &is_outer)?).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::fit::test_bodies::{field, tubes};
+
+    fn tube() -> TriangleMesh {
+        tubes(&[(DVec3::ZERO, DVec3::X * 2.0, 0.3)])
+    }
+
+    fn assert_is_the_tube(field: &DistanceField) {
+        for id in (0..field.voxels.len() as u32).step_by(97) {
+            let point = field.position(id);
+            let along = DVec3::X * point.x.clamp(0.0, 2.0);
+            let depth = 0.3 - point.distance(along);
+            // Twelve corners are up to 4 % inside of the round tube.
+            assert!((field.depth[id as usize] - depth).abs() < 0.03, "{point}");
+        }
+        let volume = field.voxels.len() as f64 * field.cell.powi(3);
+        let exact = std::f64::consts::PI * 0.09 * 2.4;
+        assert!((0.85..1.05).contains(&(volume / exact)), "{volume} {exact}");
+    }
+
+    #[test]
+    fn depths_are_distances_from_the_surface() {
+        assert_is_the_tube(&field(&tube()));
+    }
+
+    #[test]
+    fn surfaces_inside_out_or_in_shells_have_the_same_inside() {
+        let mesh = tube();
+        let flipped = mesh.triangles().iter().map(|&[a, b, c]| [a, c, b]).collect();
+        assert_is_the_tube(&field(&TriangleMesh::new(mesh.vertices().to_vec(), flipped).unwrap()));
+        let (middle, end) = (DVec3::X, DVec3::X * 2.0);
+        assert_is_the_tube(&field(&tubes(&[(DVec3::ZERO, middle, 0.3), (middle * 0.8, end, 0.3)])));
+    }
+
+    #[test]
+    fn random_orientation_leaves_what_is_enclosed() {
+        let mesh = tube();
+        let triangles = mesh.triangles().iter().enumerate();
+        let mixed = triangles.map(|(i, &[a, b, c])| if i % 2 == 0 { [a, b, c] } else { [a, c, b] }).collect();
+        let field = field(&TriangleMesh::new(mesh.vertices().to_vec(), mixed).unwrap());
+        assert!(field.voxel_at(DVec3::X).is_some() && field.voxel_at(DVec3::Y).is_none());
+    }
+
+    #[test]
+    fn small_gaps_are_bridged_and_large_ones_are_not() {
+        let pieces = |gap: f64| {
+            let (a, b) = (DVec3::X * (1.6 + gap), DVec3::X * (2.6 + gap));
+            field(&tubes(&[(DVec3::ZERO, DVec3::X, 0.3), (a, b, 0.3)]))
+        };
+        let near = pieces(0.06);
+        assert_eq!(near.bridges.len(), 1);
+        assert!(near.voxel_at(DVec3::X * 2.4).is_some());
+        let far = pieces(1.0);
+        assert!(far.bridges.is_empty());
+        assert!(far.voxel_at(DVec3::X * 0.5).is_some() != far.voxel_at(DVec3::X * 3.0).is_some());
+    }
+
+    #[test]
+    fn points_are_pulled_inside() {
+        let field = field(&tube());
+        assert_eq!(field.pulled_inside(DVec3::X, 0.1), DVec3::X);
+        let pulled = field.pulled_inside(DVec3::new(1.0, 0.5, 0.0), 0.1);
+        assert!(
+            field.depth_at(pulled) > 0.08 && pulled.distance(DVec3::new(1.0, 0.2, 0.0)) < 0.08,
+            "{pulled}"
+        );
+    }
+
+    #[test]
+    fn a_sheet_encloses_nothing() {
+        let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
+        let vertices = corners.map(|(x, y)| DVec3::new(x, y, 0.0)).to_vec();
+        assert!(field(&TriangleMesh::new(vertices, vec![[0, 1, 2], [0, 2, 3]]).unwrap()).voxels.is_empty());
+    }
 }

@@ -21,8 +21,6 @@ use crate::rig::bind::Plane;
 const MOST_LIMBS: usize = 12;
 /// Branchings nearer to each other than this share of the diameter are one node.
 const ONE_BRANCHING: f64 = 0.06;
-/// Spheres that a branching may go to.
-const MOST_SPHERES: usize = 80;
 /// A branching is in a sphere of at least this share of the largest radius.
 const THICK: f64 = 0.3;
 /// Partial embeddings to look at before the best so far is completed greedily.
@@ -107,11 +105,8 @@ impl Search<'_> {
             .collect();
         let near = ONE_BRANCHING * self.reduced.diameter;
         let thick = THICK * self.graph.radii.iter().copied().fold(0.0, f64::max);
-        let spheres: Vec<Place> = (0..self.graph.centres.len())
-            .filter(|&s| self.graph.radii[s] >= thick)
-            .take(MOST_SPHERES)
-            .map(Place::Sphere)
-            .collect();
+        let spheres: Vec<Place> =
+            (0..self.graph.ways.len()).filter(|&s| self.graph.radii[s] >= thick).map(Place::Sphere).collect();
         for &joint in &self.reduced.branchings {
             let mut others = nodes.iter().filter(|node| node.limb == 0.0);
             if others.all(|other| self.points[other.joint].distance(self.points[joint]) > near) {
@@ -139,8 +134,7 @@ impl Search<'_> {
             (Place::Tip(tip), Place::Sphere(sphere)) | (Place::Sphere(sphere), Place::Tip(tip)) => {
                 self.tips.tips[tip].distances[self.graph.voxels[sphere] as usize]
             }
-            // Between branchings the body is thick, and the way is straight.
-            (Place::Sphere(a), Place::Sphere(b)) => self.graph.centres[a].distance(self.graph.centres[b]),
+            (Place::Sphere(a), Place::Sphere(b)) => self.graph.ways[a][b],
             _ => f64::INFINITY,
         }
     }

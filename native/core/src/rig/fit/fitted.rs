@@ -235,3 +235,88 @@ impl Fit<'_> {
         if message.is_empty() { note } else { format!("{message} {note}") }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::fit::FitError;
+    use crate::rig::fit::test_bodies::{bone, figure, skeleton, tubes};
+
+    fn fitted(mesh: &TriangleMesh, settings: &FitSettings) -> FittedSkeleton {
+        fit_skeleton(mesh, &skeleton(), settings, &Progress::new()).unwrap()
+    }
+
+    #[test]
+    fn arms_follow_another_pose_and_left_stays_left() {
+        for lowered in [0.0, 0.5, 0.9] {
+            let found = fitted(&figure(lowered), &FitSettings::default());
+            assert_eq!((found.method, found.symmetric), (FitMethod::Embedding, true));
+            assert!(found.score > 0.7 && found.message.is_empty(), "{} {}", found.score, found.message);
+            for (side, sign) in [("l", 1.0), ("r", -1.0)] {
+                let along = DVec3::new(sign * lowered.cos(), 0.0, -lowered.sin());
+                let shoulder = DVec3::new(0.14 * sign, 0.0, 1.36);
+                for (name, length) in [("lowerarm", 0.27), ("hand", 0.53)] {
+                    let head = found.skeleton.heads()[bone(&found.skeleton, &format!("{name}_{side}"))];
+                    let miss = head.distance(shoulder + along * length);
+                    assert!(miss < 0.08, "{name}_{side} {lowered} misses by {miss}");
+                }
+                let knee = found.skeleton.heads()[bone(&found.skeleton, &format!("calf_{side}"))];
+                assert!(knee.distance(DVec3::new(0.1 * sign, 0.0, 0.48)) < 0.08, "{knee}");
+            }
+            assert!(
+                !found.found[bone(&found.skeleton, "root")] && found.found[bone(&found.skeleton, "hand_l")]
+            );
+        }
+    }
+
+    #[test]
+    fn fixed_bones_stay_and_connected_bones_stay_connected() {
+        let template = skeleton();
+        let mut fixed = vec![false; template.bone_count()];
+        let calf = bone(&template, "calf_l");
+        fixed[calf] = true;
+        let found = fitted(&figure(0.5), &FitSettings { fixed: Some(fixed), ..FitSettings::default() });
+        assert_eq!(found.skeleton.heads()[calf], template.heads()[calf]);
+        assert_eq!(found.skeleton.tails()[calf], template.tails()[calf]);
+        for (child, parent) in [("calf_l", "thigh_l"), ("foot_l", "calf_l"), ("lowerarm_r", "upperarm_r")] {
+            let head = found.skeleton.heads()[bone(&template, child)];
+            assert_eq!(head, found.skeleton.tails()[bone(&template, parent)]);
+        }
+    }
+
+    #[test]
+    fn what_has_no_shape_gets_the_scaled_template() {
+        let sheet = figure(0.5).vertices().iter().map(|v| DVec3::new(v.x, 0.0, v.z)).collect();
+        let sheet = TriangleMesh::new(sheet, figure(0.5).triangles().to_vec()).unwrap();
+        let ball = tubes(&[(DVec3::ZERO, DVec3::Z * 1e-3, 1.0)]);
+        for mesh in [sheet, ball] {
+            let found = fitted(&mesh, &FitSettings::default());
+            assert_eq!(found.method, FitMethod::Template);
+            assert!(found.score < LEAST_SCORE && !found.message.is_empty());
+            assert!(found.skeleton.heads().iter().all(|head| head.is_finite()));
+        }
+    }
+
+    #[test]
+    fn wrong_input_is_named() {
+        let template = skeleton();
+        let error = |mesh: &TriangleMesh, template: &Skeleton, settings: &FitSettings| {
+            fit_skeleton(mesh, template, settings, &Progress::new()).unwrap_err()
+        };
+        let point = TriangleMesh::new(vec![DVec3::ONE; 3], vec![[0, 1, 2]]).unwrap();
+        let all = FitSettings::default();
+        assert_eq!(error(&point, &template, &all), FitError::NoExtent);
+        let nothing = TriangleMesh::new(vec![DVec3::ONE], vec![]).unwrap();
+        assert_eq!(error(&nothing, &template, &all), FitError::NoTriangles);
+        let one = Skeleton::new(vec![DVec3::ZERO], vec![DVec3::X], &[-1], None).unwrap();
+        assert_eq!(error(&figure(0.5), &one, &all), FitError::TooFewBones(1));
+        let short = FitSettings { fixed: Some(vec![true]), ..FitSettings::default() };
+        let expected = template.bone_count();
+        let counts = FitError::BoneCounts { argument: "fixed", given: 1, expected };
+        assert_eq!(error(&figure(0.5), &template, &short), counts);
+        let progress = Progress::new();
+        progress.cancel();
+        let cancelled = fit_skeleton(&figure(0.5), &template, &all, &progress);
+        assert!(matches!(cancelled, Err(FitError::Cancelled(_))));
+    }
+}

@@ -5,7 +5,8 @@ use std::collections::{BinaryHeap, HashMap};
 
 use glam::IVec3;
 
-use super::distance_field::{DistanceField, neighbours};
+use super::distance_field::DistanceField;
+use super::voxel_grid::neighbours;
 
 /// Ways between voxels: to all 26 neighbours and over bridges.
 pub(super) struct Ways<'a> {
@@ -118,5 +119,31 @@ impl<'a> Ways<'a> {
             id = next;
             path.push(id);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::fit::test_bodies::{field, tubes};
+    use glam::DVec3;
+
+    #[test]
+    fn ways_go_through_the_body_and_are_hardly_too_long() {
+        let corner = DVec3::X * 2.0;
+        let field = field(&tubes(&[(DVec3::ZERO, corner, 0.15), (corner, DVec3::new(2.0, 2.0, 0.0), 0.15)]));
+        let ways = Ways::new(&field);
+        let start = field.voxel_at(DVec3::ZERO).unwrap();
+        let distances = ways.distances(&[(start, 0.0)], None);
+        let at = |point: DVec3| distances[field.voxel_at(point).unwrap() as usize];
+        assert!((at(corner) - 2.0).abs() < 0.05, "{}", at(corner));
+        // Around the corner, cutting it; the straight way would be 2.83.
+        let around = at(DVec3::new(2.0, 2.0, 0.0));
+        assert!((3.6..4.05).contains(&around), "{around}");
+        let diagonal = field.voxel_at(DVec3::new(1.0, 0.1, 0.0)).unwrap();
+        assert!((distances[diagonal as usize] - 1.005).abs() < 0.03, "{}", distances[diagonal as usize]);
+        let path = ways.path(field.voxel_at(corner).unwrap(), &distances);
+        assert_eq!(path.last(), Some(&start));
+        assert!(path.windows(2).all(|p| distances[p[1] as usize] < distances[p[0] as usize]));
     }
 }

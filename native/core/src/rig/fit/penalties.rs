@@ -54,3 +54,20 @@ pub(super) fn tip(length: f64, limb: f64) -> f64 {
     let share = length / (TIP_SHARE * limb).max(f64::MIN_POSITIVE);
     SHORT_TIP * (1.0 - share).max(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn right_pairs_are_free_and_wrong_ones_cost_about_one() {
+        assert_eq!(length(1.1, 1.0), 0.0);
+        assert!(length(2.0, 1.0) > 0.9 && length(0.0, 1.0) == MOST_LENGTH);
+        assert_eq!(direction(DVec3::X, DVec3::X * 3.0, 3.0), 0.0);
+        assert!(direction(-DVec3::X, DVec3::X, 1.0) > direction(DVec3::Y, DVec3::X, 1.0));
+        assert!(direction(DVec3::Y, DVec3::X, 10.0) < 0.3, "a bent chain says little");
+        let plane = Plane { normal: DVec3::X, offset: 1.0 };
+        assert_eq!(symmetry(&plane, DVec3::ZERO, DVec3::X * 2.0, 1.0), 0.0);
+        assert!(tip(1.0, 1.0) == 0.0 && tip(0.0, 1.0) == SHORT_TIP);
+    }
+}

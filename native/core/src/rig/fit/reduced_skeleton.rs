@@ -335,3 +335,63 @@ pub(super) fn without_ground_roots(template: &Skeleton, deform: &[bool]) -> Vec<
     // A template of such bones alone is a body.
     if body.iter().filter(|&&b| b).count() < 2 { deform.to_vec() } else { body }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::fit::test_bodies::{bone, skeleton};
+
+    fn reduced(template: &Skeleton) -> (Joints, ReducedSkeleton) {
+        let joints = Joints::new(template);
+        let body = without_ground_roots(template, &vec![true; template.bone_count()]);
+        let mirror = TemplateMirror::new(template, &joints, &body);
+        let reduced = ReducedSkeleton::new(template, &joints, body, mirror.as_ref()).unwrap();
+        (joints, reduced)
+    }
+
+    #[test]
+    fn arms_legs_and_head_remain() {
+        let template = skeleton();
+        let (joints, reduced) = reduced(&template);
+        assert!(!reduced.body_bones[bone(&template, "root")], "it stands on the ground");
+        let mut ends: Vec<usize> = reduced.limbs.iter().map(|limb| limb.joints[0]).collect();
+        let mut expected: Vec<usize> = ["hand_l", "hand_r", "foot_l", "foot_r", "head"]
+            .iter()
+            .map(|name| joints.tails[bone(&template, name)])
+            .collect();
+        ends.sort_unstable();
+        expected.sort_unstable();
+        assert_eq!(ends, expected);
+        assert!(!reduced.holds(joints.tails[bone(&template, "thumb_l")]));
+        assert_eq!(reduced.branchings.len(), 2);
+        let arm =
+            reduced.limbs.iter().find(|l| l.joints[0] == joints.tails[bone(&template, "hand_l")]).unwrap();
+        let beside = |name: &str| {
+            let head = joints.heads[bone(&template, name)];
+            arm.beside_trunk[arm.joints.iter().position(|&j| j == head).unwrap()]
+        };
+        assert!(beside("upperarm_l") && !beside("clavicle_l"));
+        assert!((arm.lengths[1] - 0.09).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_long_root_bone_up_to_the_hips_is_no_part_of_the_body() {
+        let at = |z: f64| DVec3::new(0.0, 0.0, z);
+        let heads = vec![at(0.0), at(1.0), at(1.2), DVec3::new(0.1, 0.0, 1.0)];
+        let tails = vec![at(1.0), at(1.2), at(1.8), DVec3::new(0.1, 0.0, 0.0)];
+        let named = |root: &str| {
+            let names = [root, "a", "b", "c"].map(String::from).to_vec();
+            let template = Skeleton::new(heads.clone(), tails.clone(), &[-1, 0, 1, 1], Some(names)).unwrap();
+            without_ground_roots(&template, &[true; 4])[0]
+        };
+        assert!(!named("Root") && !named("trunk"));
+    }
+
+    #[test]
+    fn a_point_has_no_limbs() {
+        let points = vec![DVec3::ZERO; 2];
+        let template = Skeleton::new(points.clone(), points, &[-1, 0], None).unwrap();
+        let joints = Joints::new(&template);
+        assert_eq!(ReducedSkeleton::new(&template, &joints, vec![true; 2], None), None);
+    }
+}

@@ -211,3 +211,41 @@ impl Refinement<'_> {
         Some(places)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::fit::test_bodies::{field, tubes};
+
+    /// A chain of three joints along z in a tube of radius 0.3.
+    fn chain(targets: [Option<f64>; 3], fixed: [Option<f64>; 3]) -> Option<Vec<Option<DVec3>>> {
+        let field = field(&tubes(&[(DVec3::ZERO, DVec3::Z * 4.0, 0.3)]));
+        let points: Vec<DVec3> = (0..3).map(|i| DVec3::Z * f64::from(i)).collect();
+        let links = vec![vec![1], vec![0, 2], vec![1]];
+        let target = |z: f64| Target { place: DVec3::Z * z, is_base: false };
+        let refinement = Refinement {
+            points: &points,
+            links: &links,
+            targets: targets.iter().map(|t| t.map(target)).collect(),
+            fixed: fixed.iter().map(|f| f.map(|z| DVec3::Z * z)).collect(),
+            mirrors: None,
+            scale: 1.0,
+            field: &field,
+        };
+        refinement.run()
+    }
+
+    #[test]
+    fn joints_between_targets_keep_the_templates_proportions() {
+        let places = chain([Some(1.0), None, Some(3.0)], [None; 3]).unwrap();
+        assert!(places[1].unwrap().distance(DVec3::Z * 2.0) < 0.05);
+        assert_eq!(chain([None; 3], [None; 3]), None, "nothing holds them");
+    }
+
+    #[test]
+    fn fixed_joints_stay_and_others_come_inside() {
+        let places = chain([Some(9.0), None, Some(3.0)], [None, Some(1.5), None]).unwrap();
+        assert_eq!(places[1], Some(DVec3::Z * 1.5));
+        assert!(places[0].unwrap().z < 4.35, "{places:?}");
+    }
+}

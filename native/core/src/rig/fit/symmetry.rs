@@ -88,3 +88,31 @@ pub(super) fn mesh_mirror(mesh: &TriangleMesh, normal: DVec3) -> Option<Plane> {
     let good = misses(&plane).iter().filter(|(distance, _)| *distance <= MISS * size).count();
     (good as f64 >= MIRRORED * points.len() as f64).then_some(plane)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::fit::test_bodies::{bone, figure, skeleton, tubes};
+
+    #[test]
+    fn left_and_right_joints_are_partners() {
+        let template = skeleton();
+        let joints = Joints::new(&template);
+        let mirror = TemplateMirror::new(&template, &joints, &vec![true; template.bone_count()]).unwrap();
+        let head = |name: &str| joints.heads[bone(&template, name)];
+        assert_eq!(mirror.partner[head("calf_l")], Some(head("calf_r")));
+        assert_eq!(mirror.partner[head("neck")], Some(head("neck")));
+    }
+
+    #[test]
+    fn the_plane_of_a_mesh_is_found_where_it_is() {
+        let figure = figure(0.5);
+        let step = DVec3::new(0.37, 0.1, 0.0);
+        let moved = figure.vertices().iter().map(|&v| v + step).collect();
+        let moved = TriangleMesh::new(moved, figure.triangles().to_vec()).unwrap();
+        let plane = mesh_mirror(&moved, DVec3::X).unwrap();
+        assert!((plane.offset - 0.37).abs() < 0.005, "{}", plane.offset);
+        let bent = tubes(&[(DVec3::ZERO, DVec3::Z, 0.1), (DVec3::Z, DVec3::new(0.8, 0.0, 1.2), 0.1)]);
+        assert_eq!(mesh_mirror(&bent, DVec3::X), None);
+    }
+}

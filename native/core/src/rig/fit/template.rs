@@ -51,3 +51,18 @@ pub(super) fn scaled_template(
     };
     joints.points.iter().zip(in_body).map(place).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spread_arms_do_not_count() {
+        let body = [DVec3::new(-1.0, 0.0, 0.0), DVec3::new(1.0, 0.2, 1.9)];
+        let low = DVec3::new(-0.5, 0.0, 3.0);
+        let found = Similarity::between(body.into_iter(), low, low + DVec3::new(1.0, 0.3, 3.8)).unwrap();
+        assert!((found.scale - 2.0).abs() < 1e-12);
+        assert!(found.apply(DVec3::new(0.0, 0.1, 0.95)).distance(DVec3::new(0.0, 0.15, 4.9)) < 1e-12);
+        assert_eq!(Similarity::between([DVec3::ONE].into_iter(), low, low), None);
+    }
+}

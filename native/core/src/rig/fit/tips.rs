@@ -132,3 +132,34 @@ fn root_of(parents: &mut [u32], mut id: u32) -> u32 {
     }
     id
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::fit::test_bodies::{field, figure};
+    use glam::DVec3;
+
+    #[test]
+    fn a_figure_has_hands_feet_and_a_head() {
+        let field = field(&figure(0.6));
+        let tips = Tips::new(&Ways::new(&field), None).unwrap();
+        let near = |x: f64, y: f64, z: f64| {
+            let at = DVec3::new(x, y, z);
+            tips.tips[..5].iter().any(|tip| field.position(tip.voxel).distance(at) < 0.1)
+        };
+        let (x, z) = (0.14 + 0.66 * 0.6f64.cos(), 1.36 - 0.66 * 0.6f64.sin());
+        assert!(near(x, 0.0, z) && near(-x, 0.0, z), "hands");
+        assert!(near(0.11, -0.2, 0.04) && near(-0.11, -0.2, 0.04), "feet");
+        assert!(near(0.0, 0.0, 1.7), "head");
+        assert!(tips.tips[5..].iter().all(|tip| tip.length < 0.2), "{}", tips.tips.len());
+    }
+
+    #[test]
+    fn the_outline_in_the_plane_has_tips_of_its_own() {
+        let field = field(&figure(0.6));
+        let plane = Plane { normal: DVec3::X, offset: 0.0 };
+        let tips = Tips::new(&Ways::new(&field), Some(&plane)).unwrap();
+        let crotch = tips.tips.iter().filter(|tip| tip.is_middle).map(|tip| field.position(tip.voxel));
+        assert!(crotch.into_iter().any(|p| p.distance(DVec3::new(0.0, 0.0, 0.81)) < 0.1));
+    }
+}
