@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Commands in processes of their own, from the folder that the zip was installed to."""
 
+import contextlib
+import io
 import json
 import subprocess
 import sys
@@ -26,11 +28,20 @@ def end(process):
     return process.returncode, output
 
 
-def run(*arguments, code=0):
-    """The output of a command, which ends with this code."""
+def run_alone(*arguments, code=0):
+    """The output of a command in a process of its own, which ends with this code."""
     status, output = end(start(*arguments))
     assert status == code, output
     return output
+
+
+def run(*arguments, code=0):
+    """The same in this process, as Blender's `--command` does it."""
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
+        status = module("batch.command").main([str(word) for word in arguments])
+    assert status == code, output.getvalue()
+    return output.getvalue()
 
 
 def module(name):

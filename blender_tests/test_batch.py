@@ -2,6 +2,9 @@
 """Commands: what they write is what the buttons write, and what goes wrong writes nothing."""
 
 import os
+import subprocess
+import sys
+from pathlib import Path
 
 import bpy
 import characters as c
@@ -26,7 +29,7 @@ def test_retarget_is_the_operator(scene, tmp_path):
     assert c.retarget(objects["Source"], objects["Target"], objects["Second"], **options) == {"FINISHED"}
     expected = {name: (k.groups(objects[name]), k.rig_of(objects[name])) for name in ("Target", "Second", "Source")}
     line = objects["Target"].dermis_retarget.result
-    output = k.run(
+    output = k.run_alone(
         "retarget", "--file", scene, "--output", tmp_path / "out.blend", "--source", "Source",
         "--targets", "Target", "Second", "--max-influences", 2, "--mix-factor", 0.75, "--subset", "ALL",
         "--no-close-seams", "--report", tmp_path / "report.json",
@@ -87,7 +90,7 @@ def test_check_ends_with_its_own_code(tmp_path):
         group.remove([40])
     bad = k.save(tmp_path / "bad.blend")
     assert "nothing to look at" in k.run("check", "--file", clean, "--meshes", "Source")
-    k.run("check", "--file", bad, "--meshes", "Source", "--report", tmp_path / "report.json", code=3)
+    k.run_alone("check", "--file", bad, "--meshes", "Source", "--report", tmp_path / "report.json", code=3)
     (job,) = k.report(tmp_path / "report.json")["jobs"]
     (check,) = job["steps"][0]["checks"]
     assert job["status"] == "problems"
@@ -126,6 +129,17 @@ def test_what_fails_writes_nothing(scene, tmp_path, arguments, message):
     ]  # fmt: skip
 
 
+def test_an_output_that_cannot_be_written(scene, tmp_path):
+    (tmp_path / "folder").write_text("a file")
+    given = ["--file", scene, "--source", "Source", "--targets", "Target"]
+    for place, reason in ((tmp_path / "folder" / "out.blend", "could not be written"), (tmp_path, "is a folder")):
+        assert reason in k.run("retarget", *given, "--output", place, code=1)
+    assert "report was not written" in k.run(
+        "check", "--file", scene, "--meshes", "Source", "--report", tmp_path, code=1
+    )
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder", "in.blend"]
+
+
 def test_a_file_that_is_none(tmp_path):
     (tmp_path / "in.blend").write_text("no file of Blender's")
     common = ["--meshes", "A", "--report", tmp_path / "r.json"]
@@ -152,6 +166,14 @@ def test_wrong_usage(scene):
     ):
         assert main(arguments) == 2, arguments
     assert main(["--help"]) == 0
+
+
+def test_as_a_module_with_the_native_module_that_blender_unpacked():
+    script = Path(__file__).with_name("module_process.py")
+    command = [sys.executable, script, k.FOLDER.parent, "check", "--help"]
+    answer = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.startswith("usage: python -m dermis check")
 
 
 def test_every_option_is_the_operators_own():

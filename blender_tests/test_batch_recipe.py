@@ -2,6 +2,8 @@
 """Recipes: one body, several garments and avatars; and ranges baked in parts."""
 
 import json
+import re
+from pathlib import Path
 
 import bakes as b
 import bpy
@@ -55,7 +57,7 @@ def recipe(folder, **changes):
 
 
 def test_every_garment_on_every_avatar(folder):
-    k.run("run", recipe(folder), "--report", folder / "report.json")
+    k.run_alone("run", recipe(folder), "--report", folder / "report.json")
     expected = {}
     for avatar in AVATARS:
         for garment in GARMENTS:
@@ -118,6 +120,14 @@ def test_wrong_recipes_run_nothing(folder):
     assert not (folder / "out").exists()
 
 
+def test_the_documented_recipe_is_one():
+    text = (Path(__file__).parents[1] / "docs" / "batch.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```json\n(.*?)```", text, re.DOTALL)
+    known = k.module("batch.operator_options").command_options()
+    jobs = k.module("core.recipe").read_recipe(example, Path(__file__).parent, known)
+    assert len({job.output for job in jobs}) == 6
+
+
 def test_parts_of_a_range_in_three_processes(tmp_path):
     """Out of order and at once; then as one: the same bytes, also after joining."""
     ob, _ = b.animated_limb()
@@ -129,7 +139,7 @@ def test_parts_of_a_range_in_three_processes(tmp_path):
         for first, last in ((9, 13), (1, 4), (5, 8))
     ]
     assert [k.end(process)[0] for process in parts] == [0, 0, 0]
-    k.run(*common, "--directory", "//whole")
+    k.run_alone(*common, "--directory", "//whole")
     files = [tmp_path / "parts" / first / "shot_Limb.pc2" for first in ("5", "9", "1")]
     (tmp_path / "out").mkdir()
     k.run(
@@ -139,6 +149,7 @@ def test_parts_of_a_range_in_three_processes(tmp_path):
     whole = (tmp_path / "button" / "shot_Limb.pc2").read_bytes()
     assert (tmp_path / "whole" / "shot_Limb.pc2").read_bytes() == whole
     assert (tmp_path / "joined" / "shot_Limb.pc2").read_bytes() == whole
+    ob = k.opened(tmp_path / "shot.blend")["Limb"]
     live = b.at(ob, 7)
     ob = k.opened(tmp_path / "out" / "played.blend")["Limb"]
     assert ob.modifiers["Dermis Cache"].filepath == "//../joined/shot_Limb.pc2"

@@ -42,7 +42,11 @@ def main(arguments: Sequence[str], prog: str = f"blender --command {NAME}") -> i
     if found.command == "run" and found.list:
         print("\n".join(job.name for job in jobs), flush=True)
         return EXIT_DONE
-    entries = run_jobs(jobs, found.enable_autoexec)
+    try:
+        entries = run_jobs(jobs, found.enable_autoexec)
+    except KeyboardInterrupt:
+        say("stopped; what was not saved yet is not written")
+        return EXIT_FAILED
     states = {entry["status"] for entry in entries}
     code = EXIT_FAILED if FAILED in states else EXIT_PROBLEMS if PROBLEMS in states else EXIT_DONE
     if found.report:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -126,8 +127,9 @@ def read_step(data: Any, known: Mapping[str, Mapping[str, Option]], place: str) 
 
 
 def check_places(jobs: list[Job]) -> None:
-    """Raise InputError where two jobs would write one file."""
+    """Raise InputError where two jobs would write one file, or one would write what another reads."""
     outputs: dict[str, str] = {}
+    inputs = {path for job in jobs for path in (job.open, *(item.file for item in job.append)) if len(jobs) > 1}
     caches: dict[tuple[Any, ...], str] = {}
     for job in jobs:
         if job.output and outputs.setdefault(job.output, job.name) != job.name:
@@ -135,16 +137,20 @@ def check_places(jobs: list[Job]) -> None:
                 f"recipe.output: '{outputs[job.output]}' and '{job.name}' would both write '{job.output}': "
                 "name the variables in it."
             )
+        if job.output in inputs - {""}:
+            raise InputError(f"recipe.output: '{job.name}' would write '{job.output}', which jobs read.")
         for number, step in enumerate(job.steps):
             if not step.command.folder:
                 continue
-            folder = step.options.get(step.command.folder, "")
+            folder = step.options.get(step.command.folder) or "//"
+            # Caches are named after the opened file and the object.
+            named = job.open if folder.startswith("//") else Path(job.open).stem
             frames = (step.options.get("frame_start"), step.options.get("file_format"))
-            key = (job.open, step.command.name, folder, *sorted(step.objects.items()), frames)
+            key = (named, step.command.name, folder, *sorted(step.objects.items()), frames)
             if caches.setdefault(key, job.name) != job.name:
                 raise InputError(
                     f"recipe.steps[{number}]: '{caches[key]}' and '{job.name}' would both bake into the folder "
-                    f"'{folder or '//'}': name the variables in the option '{step.command.folder}'."
+                    f"'{folder}': name the variables in the option '{step.command.folder}'."
                 )
 
 
@@ -155,14 +161,14 @@ def _job(
 
     def path(text: str, place: str) -> str:
         filled = fill(text, variables, place)
-        return str((folder / filled).absolute()) if filled else ""
+        return os.path.normpath(folder / filled) if filled else ""
 
     steps = tuple(
         read_step(fill(step, variables, f"recipe.steps[{number}]"), known, f"recipe.steps[{number}]")
         for number, step in enumerate(recipe.steps)
     )
     steps = tuple(
-        Step(step.command, step.objects, step.options, tuple(str((folder / part).absolute()) for part in step.parts))
+        Step(step.command, step.objects, step.options, tuple(os.path.normpath(folder / part) for part in step.parts))
         for step in steps
     )
     appended = []

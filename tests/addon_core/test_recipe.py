@@ -147,11 +147,17 @@ def test_frames_that_are_given_are_used() -> None:
 
 
 def test_caches_of_two_jobs_must_not_meet() -> None:
-    recipe = {**bake(), "for_each": {"garment": ["a", "b"]}, "output": "{garment}.blend"}
+    recipe = {**bake(), "for_each": {"garment": ["a", "b"]}, "output": "{garment}_out.blend"}
     with pytest.raises(InputError, match="'garment=a' and 'garment=b' would both bake into the folder '//'"):
         read_recipe(json.dumps(recipe), FOLDER, KNOWN)
     recipe["steps"] = bake(directory="//{garment}")["steps"]
     assert len(read_recipe(json.dumps(recipe), FOLDER, KNOWN)) == 2
+    recipe["open"] = "{garment}/shot.blend"
+    recipe["steps"] = bake(directory="//caches")["steps"]
+    assert len(read_recipe(json.dumps(recipe), FOLDER, KNOWN)) == 2
+    recipe["steps"] = bake(directory="/caches")["steps"]
+    with pytest.raises(InputError, match="would both bake into the folder '/caches'"):
+        read_recipe(json.dumps(recipe), FOLDER, KNOWN)
 
 
 def test_a_check_with_a_source_is_a_dry_run() -> None:
@@ -172,3 +178,14 @@ def test_what_is_no_recipe(text: str, message: str) -> None:
     with pytest.raises(InputError) as caught:
         read_recipe(text, FOLDER, KNOWN)
     assert message in str(caught.value)
+
+
+def test_no_job_writes_what_others_read() -> None:
+    with pytest.raises(InputError, match=r"'avatar=anna,other=x' would write .*, which jobs read"):
+        jobs(
+            for_each={"avatar": ["anna", "bert"], "other": ["x"]},
+            append=[],
+            open="{avatar}.blend",
+            steps=[{**STEP, "targets": "{other}"}],
+            output="../" + FOLDER.name + "/{avatar}.blend",
+        )
