@@ -44,8 +44,8 @@ def test_retarget_is_the_operator(scene, tmp_path):
     (job,) = report["jobs"]
     (step,) = job["steps"]
     assert (job["status"], job["output"]) == ("done", str(tmp_path / "out.blend"))
-    assert step["targets"] == ["Target", "Second"]
-    assert {mesh["name"]: mesh["vertex_groups"] for mesh in step["meshes"]} == {"Source": 3, "Target": 3, "Second": 3}
+    assert step["objects"] == {"source": ["Source"], "targets": ["Target", "Second"]}
+    assert {mesh["name"]: mesh["vertex_groups"] for mesh in step["counts"]} == {"Source": 3, "Target": 3, "Second": 3}
     # All but the seconds at the end of the line.
     assert step["reports"][0]["level"] == "INFO"
     assert step["reports"][0]["text"].split(" matched")[0] == line.split(" matched")[0]
@@ -75,8 +75,11 @@ def test_skin_takes_its_settings(tmp_path):
     expected = s.correction(ob).tobytes()
     k.run(
         "skin", "--file", path, "--output", tmp_path / "out.blend", "--objects", "LimbRig",
-        "--iterations", 7, "--preset", "PAPER",
+        "--iterations", 7, "--preset", "PAPER", "--report", tmp_path / "report.json",
     )  # fmt: skip
+    (step,) = k.report(tmp_path / "report.json")["jobs"][0]["steps"]
+    assert step["options"] == {"iterations": 7, "preset": "PAPER"}
+    assert step["counts"] == [{"name": "Limb", "vertices": 402, "vertex_groups": 3}]
     ob = k.opened(tmp_path / "out.blend")["Limb"]
     assert (ob.dermis_skin.preset, ob.dermis_skin.iterations, ob.dermis_skin.enabled) == ("PAPER", 7, True)
     assert s.correction(ob).tobytes() == expected

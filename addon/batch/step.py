@@ -21,7 +21,7 @@ def run_step(step: Step) -> dict[str, Any]:
     start = time.monotonic()
     entry: dict[str, Any] = {
         "command": step.command.name,
-        **{role: list(names) for role, names in step.objects.items()},
+        "objects": {role: list(names) for role, names in step.objects.items()},
         "options": step.options,
         "status": FAILED,
     }
@@ -30,7 +30,7 @@ def run_step(step: Step) -> dict[str, Any]:
             objects = [_object(name) for names in step.objects.values() for name in names]
             _call(step, objects)
             entry["status"] = DONE
-            entry["meshes"] = [_counts(ob) for ob in objects if ob.type == "MESH"]
+            entry["counts"] = [_counts(ob) for ob in _meshes(objects)]
             if step.command.operator == "check":
                 entry["checks"] = _checks(objects)
                 if any(check["to_look_at"] for check in entry["checks"]):
@@ -60,8 +60,7 @@ def _call(step: Step, objects: list[bpy.types.Object]) -> None:
 
 def _set_skin(objects: list[bpy.types.Object], settings: dict[str, Any]) -> None:
     """Settings of the skin on the meshes; the preset first, which fills the others."""
-    meshes = meshes_of(objects[0], bpy.context.scene) if objects[0].type == "ARMATURE" else objects
-    for ob in meshes:
+    for ob in _meshes(objects):
         for name in sorted(settings, key=lambda name: name != "preset"):
             setattr(ob.dermis_skin, name, settings[name])
 
@@ -76,6 +75,14 @@ def _object(name: str) -> bpy.types.Object:
     if ob.type == "MESH" and not ob.visible_get():
         raise InputError(f"'{name}' is hidden: show it.")
     return ob
+
+
+def _meshes(objects: list[bpy.types.Object]) -> list[bpy.types.Object]:
+    """The meshes among the objects; where there is none, those of the active armature."""
+    meshes = [ob for ob in objects if ob.type == "MESH"]
+    if not meshes and objects[0].type == "ARMATURE":
+        return meshes_of(objects[0], bpy.context.scene)
+    return meshes
 
 
 def _counts(ob: bpy.types.Object) -> dict[str, Any]:
