@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import characters as c
 import commands as k
+import fits
 import pytest
 import skins as s
 
@@ -63,6 +64,26 @@ def test_bind_is_the_operator_and_may_replace_its_file(scene):
     objects = k.opened(scene)
     assert [(k.groups(objects[name]), k.rig_of(objects[name])) for name in ("Target", "Second")] == expected
     assert os.listdir(scene.parent) == ["in.blend"]
+
+
+def test_fit_is_the_operator_and_leaves_the_selection(tmp_path):
+    body, rig = fits.bare_body(), fits.template()
+    c.activate(body)
+    names = body.name, rig.name
+    path = k.save(tmp_path / "in.blend")
+    before = fits.joints(rig)
+    assert fits.fit(rig, body, symmetry="OFF") == {"FINISHED"}
+    expected = fits.joints(rig)
+    k.run(
+        "fit", "--file", path, "--output", tmp_path / "out.blend", "--armature", names[1], "--meshes", names[0],
+        "--symmetry", "OFF",
+    )  # fmt: skip
+    objects = k.opened(tmp_path / "out.blend")
+    fitted = fits.joints(objects[names[1]])
+    assert all((fitted[name] == expected[name]).all() for name in expected)
+    assert any((before[name] != expected[name]).any() for name in expected)
+    assert bpy.context.view_layer.objects.active.name == names[0]
+    assert [ob.name for ob in bpy.context.selected_objects] == [names[0]]
 
 
 def test_skin_takes_its_settings(tmp_path):

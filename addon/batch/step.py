@@ -53,9 +53,16 @@ def _call(step: Step, objects: list[bpy.types.Object]) -> None:
         options.update(directory="", files=[{"name": path} for path in step.parts])
     operator = getattr(bpy.ops.dermis, step.command.operator)
     chosen = {"active_object": objects[0], "object": objects[0], "selected_objects": objects}
-    with bpy.context.temp_override(**chosen):
-        if operator("EXEC_DEFAULT", **options) != {"FINISHED"}:
-            raise InputError("It was cancelled.")
+    layer = bpy.context.view_layer
+    active = layer.objects.active
+    # Edit Mode, which bones need, asks for the active object itself; the selection stays the file's.
+    layer.objects.active = objects[0]
+    try:
+        with bpy.context.temp_override(**chosen):
+            if operator("EXEC_DEFAULT", **options) != {"FINISHED"}:
+                raise InputError("It was cancelled.")
+    finally:
+        layer.objects.active = active
 
 
 def _set_skin(objects: list[bpy.types.Object], settings: dict[str, Any]) -> None:

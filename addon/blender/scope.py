@@ -86,8 +86,12 @@ def _selected(ob: bpy.types.Object) -> np.ndarray:
 
 def selected_bones(armature: bpy.types.Object) -> set[str]:
     """Names of the selected bones; where none is selected, of the active one."""
+    active = armature.data.bones.active
+    return marked_bones(armature) or ({active.name} if active is not None else set())
+
+
+def marked_bones(armature: bpy.types.Object) -> set[str]:
+    """Names of the bones that are selected, outside Edit Mode."""
     # Blender 5.0 keeps the selection on the bones of the pose.
     bones = armature.pose.bones if "select" in bpy.types.PoseBone.bl_rna.properties else armature.data.bones
-    names = {bone.name for bone in bones if bone.select}
-    active = armature.data.bones.active
-    return names or ({active.name} if active is not None else set())
+    return {bone.name for bone in bones if bone.select}

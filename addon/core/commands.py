@@ -48,6 +48,7 @@ COMMANDS = {
             "give targets the weights of a source",
             (Role("source", "painted mesh, by name", several=False), Role("targets", "meshes to be weighted, by name")),
         ),
+        Command("fit", "fit_skeleton", "move the bones of an armature into meshes", (ARMATURE, MESHES)),
         Command("bind", "bind_weights", "give meshes weights from an armature alone", (ARMATURE, MESHES)),
         Command("skin", "skin_enable", "switch the live PBD skin on", (OBJECTS,), settings=True),
         Command("skin-disable", "skin_disable", "switch the live PBD skin off", (OBJECTS,)),

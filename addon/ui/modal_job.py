@@ -13,7 +13,7 @@ PATIENCE_SECONDS = 0.2
 class ModalJobOperator(DermisOperator):
     """Mixin: `job(context)` reads everything, its `task` works, `finished(job)` writes and reports.
 
-    `doing` names the work in the status bar.
+    `doing` names the work in the status bar. `ended` may ask the user before anything is written.
     """
 
     doing = "Working"
@@ -23,8 +23,17 @@ class ModalJobOperator(DermisOperator):
         job = self.job(context)
         manager = context.window_manager
         manager.progress_begin(0, 100)
+        said = ""
+
+        def show(fraction):
+            nonlocal said
+            manager.progress_update(int(100 * fraction))
+            if bpy.app.background and job.task.stage != said:
+                said = job.task.stage
+                print(f"{self.doing}: {said} ({fraction:.0%})", flush=True)
+
         try:
-            job.run(lambda fraction: manager.progress_update(int(100 * fraction)))
+            job.run(show)
         finally:
             manager.progress_end()
         return self.finished(job)
@@ -43,7 +52,7 @@ class ModalJobOperator(DermisOperator):
         if event.type == "TIMER":
             if self._running.task.wait(0):
                 self._end_modal(context)
-                return self.guarded(lambda: self.finished(self._running))
+                return self.guarded(lambda: self.ended(context, watched=True))
             self._show_progress(context)
         return {"RUNNING_MODAL"}
 
@@ -52,11 +61,15 @@ class ModalJobOperator(DermisOperator):
         self._running.task.abandon()
         self._end_modal(context)
 
+    def ended(self, context, watched: bool) -> set[str]:
+        """The work has ended in a window; `watched` says whether events reach the operator already."""
+        return self.finished(self._running)
+
     def _start(self, context) -> set[str]:
         self._running = self.job(context)
         self._running.task.start()
         if self._running.task.wait(PATIENCE_SECONDS):
-            return self.finished(self._running)
+            return self.ended(context, watched=False)
         manager = context.window_manager
         self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
         manager.progress_begin(0, 100)

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 import bpy
 
 from ..batch import command
-from ..blender import check_reports, skin_handlers
+from ..blender import bone_overlay, check_reports, skin_handlers
 from ..core.background import end_all
 from . import (
     bake_options,
@@ -14,6 +14,7 @@ from . import (
     bind_panel,
     bone_map_panel,
     check_panel,
+    fit_panel,
     menus,
     panel,
     properties,
@@ -33,6 +34,7 @@ from .bone_map_fill import DERMIS_OT_map_bones
 from .bone_map_remove import DERMIS_OT_bone_map_remove
 from .check_select import DERMIS_OT_select_problems
 from .check_weights import DERMIS_OT_check
+from .fit_skeleton import DERMIS_OT_fit_skeleton
 from .landmark_add import DERMIS_OT_landmark_add
 from .landmark_clear import DERMIS_OT_landmark_clear
 from .landmark_remove import DERMIS_OT_landmark_remove
@@ -43,6 +45,7 @@ from .skin_enable import DERMIS_OT_skin_enable
 
 CLASSES = (
     DERMIS_OT_retarget_weights,
+    DERMIS_OT_fit_skeleton,
     DERMIS_OT_bind_weights,
     DERMIS_OT_check,
     DERMIS_OT_select_problems,
@@ -64,6 +67,7 @@ CLASSES = (
     DERMIS_OT_bake_remove,
     *panel.CLASSES,
     *bone_map_panel.CLASSES,
+    *fit_panel.CLASSES,
     *bind_panel.CLASSES,
     *check_panel.CLASSES,
     *skin_panel.CLASSES,
@@ -87,6 +91,7 @@ def register() -> None:
             bpy.utils.register_class(cls)
             undo.callback(bpy.utils.unregister_class, cls)
         undo.callback(check_reports.forget_reports)
+        undo.callback(bone_overlay.remove_overlays)
         menus.register()
         undo.callback(menus.unregister)
         skin_handlers.register()

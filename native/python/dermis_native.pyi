@@ -24,6 +24,7 @@ __all__ = [
     "BoneMap",
     "Cancelled",
     "DermisError",
+    "FittedSkeleton",
     "NumericalError",
     "PbdSkin",
     "Progress",
@@ -37,6 +38,7 @@ __all__ = [
     "bind_weights",
     "dual_quaternion_skinning",
     "eigenpairs",
+    "fit_skeleton",
     "laplacian",
     "linear_blend_skinning",
     "map_bones",
@@ -313,6 +315,50 @@ def bind_weights(
 
     protected vertices, as a mask (V,) or as indices, keep their rows of `weights` (V,B) bit for bit,
     whatever these sum to.
+    """
+
+@final
+class FittedSkeleton:
+    """What `fit_skeleton` found."""
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """The template's bones, parents and names at their fitted rest positions in the mesh's space."""
+    @property
+    def method(self) -> Literal["embedding", "template"]:
+        """Embedded into the shape, or only scaled and moved as a whole with its joints pulled inside."""
+    @property
+    def score(self) -> float:
+        """How well the skeleton fits, 0 to 1: joints and bones well inside, lengths plausible."""
+    @property
+    def message(self) -> str:
+        """One sentence about what was not found or why the template was only scaled; empty when all is well."""
+    @property
+    def found(self) -> npt.NDArray[np.bool_]:
+        """(B,) True where the shape placed the bone, False where it was carried along."""
+    @property
+    def symmetric(self) -> bool:
+        """Whether a mirror plane of mesh and template was used."""
+
+def fit_skeleton(
+    mesh: TriangleMesh,
+    template: Skeleton,
+    *,
+    deform: npt.NDArray[np.bool_] | Sequence[bool] | None = None,
+    fixed: npt.NDArray[np.bool_] | Sequence[bool] | None = None,
+    symmetric: bool | None = None,
+    progress: Progress | None = None,
+) -> FittedSkeleton:
+    """Fit a template skeleton into a mesh, after Baran & Popović (2007).
+
+    Both stand upright and face the same way; place, size, proportions and the angles of the limbs may
+    differ. deform (B,) marks the bones that follow the body, None all; the others, such as controls,
+    are carried along. Bones that fixed (B,) marks keep their heads and tails exactly. symmetric says
+    whether to use the mirror plane; None uses it where mesh and template have one. Connected bones
+    stay connected.
+
+    Where the shape and the template do not agree, or the mesh encloses no volume, the template is
+    scaled and moved as a whole; `method`, `score` and `message` say so.
     """
 
 def linear_blend_skinning(vertices: _Floats, weights: SkinWeights, transforms: _Floats) -> npt.NDArray[np.float32]:

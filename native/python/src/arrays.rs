@@ -91,6 +91,18 @@ pub(crate) fn matrix<T: numpy::Element>(
     PyArray1::from_vec(py, flat).reshape([rows, columns])
 }
 
+/// A mask of booleans over all `count` elements. `name` is the argument's.
+pub(crate) fn mask(
+    argument: &Bound<'_, PyAny>,
+    name: &str,
+    expected: &str,
+    count: usize,
+) -> PyResult<Vec<bool>> {
+    let mask = convert(argument, name, "b", "bool", expected)?;
+    let mask: PyReadonlyArrayDyn<'_, bool> = checked(mask.extract()?, name, &[Some(count)])?;
+    Ok(mask.as_slice()?.to_vec())
+}
+
 /// A choice among `count` elements, as a mask of booleans or as indices (n,), as a mask. `name` is the
 /// argument's, `elements` what is chosen.
 pub(crate) fn chosen(
@@ -103,9 +115,7 @@ pub(crate) fn chosen(
     let array = numpy.call_method1("asarray", (argument,))?;
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     if kind == "b" {
-        let mask = convert(&array, name, "b", "bool", "booleans or indices")?;
-        let mask: PyReadonlyArrayDyn<'_, bool> = checked(mask.extract()?, name, &[Some(count)])?;
-        return Ok(mask.as_slice()?.to_vec());
+        return mask(&array, name, "booleans or indices", count);
     }
     let mut mask = vec![false; count];
     if array.len()? > 0 {

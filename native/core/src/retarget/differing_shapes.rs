@@ -26,7 +26,8 @@ use super::rejection::SurfaceMatch;
 use super::shell::Shell;
 use super::unclaimed::Unclaimed;
 use super::{Origin, RetargetError};
-use crate::mesh::{Adjacency, SurfaceQuery, TriangleMesh};
+use crate::cage::WindingNumber;
+use crate::mesh::{Adjacency, Submesh, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::rig::{BoneMap, Skeleton, distance_to_segment};
 use crate::skinning::SkinWeights;
@@ -35,6 +36,8 @@ use crate::skinning::SkinWeights;
 const ALIKE: f64 = 0.07;
 /// and from which on they differ altogether.
 const DIFFERENT: f64 = 0.09;
+/// Where along a bone to look whether it is inside of a part.
+const LOOKS: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 /// Edges from the border of the matched surface over which trust in matches grows.
 const TRUST_GROWS: usize = 4;
 
@@ -175,7 +178,7 @@ impl Differing {
             let shape = &shapes[of[first as usize] as usize];
             if part.like.is_some() {
                 part.vertices.iter().for_each(|&v| handed[v as usize].clone_from(&own[v as usize]));
-            } else if part.policy == PartPolicy::Rigid && !has_bone(shape, target.skeleton, takes_part) {
+            } else if part.policy == PartPolicy::Rigid && !has_bone(shape, target, takes_part) {
                 let mean = mean_row(&part.vertices, handed);
                 part.vertices.iter().for_each(|&v| handed[v as usize].clone_from(&mean));
             }
@@ -183,10 +186,15 @@ impl Differing {
     }
 }
 
-/// Whether a bone runs through the middle of a part.
-fn has_bone(part: &PartShape, skeleton: &Skeleton, takes_part: &[bool]) -> bool {
+/// Whether most of a bone runs inside of a part: not through the hole of a ring on it.
+fn has_bone(part: &PartShape, target: Side<'_>, takes_part: &[bool]) -> bool {
+    let is_in = |v: usize| part.vertices.binary_search(&(v as u32)).is_ok();
+    let Ok(piece) = Submesh::new(target.mesh, is_in) else { return false };
+    let winding = WindingNumber::new(&piece.mesh);
     (0..takes_part.len()).filter(|&bone| takes_part[bone]).any(|bone| {
-        let (head, tail) = (skeleton.heads()[bone], skeleton.tails()[bone]);
-        distance_to_segment(part.centre, head, tail) < 0.5 * part.lengths[2]
+        let (head, tail) = (target.skeleton.heads()[bone], target.skeleton.tails()[bone]);
+        let looks = LOOKS.map(|share| head.lerp(tail, share));
+        let is_inside = |p: &DVec3| p.distance(part.centre) < part.radius && winding.at(*p).abs() > 0.5;
+        2 * looks.iter().filter(|p| is_inside(p)).count() > looks.len()
     })
 }

@@ -34,6 +34,7 @@ use crate::skinning::SkinWeights;
 
 pub(super) use limit::limit_influences;
 pub use loose_parts::BindPartPolicy;
+pub(super) use mirror::{Plane, mirror_plane};
 
 use body::Body;
 use labels::{Labels, Row};
