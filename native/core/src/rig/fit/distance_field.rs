@@ -38,9 +38,6 @@ pub(super) struct DistanceField {
     pub(super) depth: Vec<f64>,
     /// Pairs of voxels that bridge gaps between pieces.
     pub(super) bridges: Vec<(u32, u32)>,
-    /// Bounds of the mesh.
-    pub(super) low: DVec3,
-    pub(super) high: DVec3,
 }
 
 const OUTSIDE: u32 = u32::MAX;
@@ -52,7 +49,7 @@ impl DistanceField {
         let extent = (high - low).max_element();
         let winding = WindingNumber::new(mesh);
         let Ok(surface) = SurfaceQuery::new(mesh) else {
-            return Ok(Self::without_voxels(low, high, extent));
+            return Ok(Self::without_voxels(low, extent));
         };
         let coarse = VoxelGrid::new(low, high, extent / COARSE).fill(mesh, &winding, &surface, progress)?;
         let count = coarse.inside.iter().filter(|&&inside| inside).count() as f64;
@@ -61,7 +58,7 @@ impl DistanceField {
         progress.report(0.2)?;
         let grid = VoxelGrid::new(low, high, cell).fill(mesh, &winding, &surface, progress)?;
         progress.report(0.6)?;
-        let mut field = Self::from_grid(&grid, low, high);
+        let mut field = Self::from_grid(&grid);
         field.keep_pieces(BRIDGE * extent);
         let outer = outer_surface(mesh, &winding, &grid);
         let outer = outer.as_ref().unwrap_or(&surface);
@@ -74,7 +71,7 @@ impl DistanceField {
         Ok(field)
     }
 
-    fn without_voxels(low: DVec3, high: DVec3, cell: f64) -> Self {
+    fn without_voxels(low: DVec3, cell: f64) -> Self {
         Self {
             origin: low,
             cell,
@@ -83,14 +80,12 @@ impl DistanceField {
             voxels: Vec::new(),
             depth: Vec::new(),
             bridges: Vec::new(),
-            low,
-            high,
         }
     }
 
-    fn from_grid(grid: &VoxelGrid, low: DVec3, high: DVec3) -> Self {
-        let mut field = Self::without_voxels(low, high, grid.cell);
-        (field.origin, field.size) = (grid.origin, grid.size);
+    fn from_grid(grid: &VoxelGrid) -> Self {
+        let mut field = Self::without_voxels(grid.origin, grid.cell);
+        field.size = grid.size;
         field.voxels = (0..grid.inside.len()).filter(|&i| grid.inside[i]).map(|i| grid.place(i)).collect();
         field.number();
         field
