@@ -53,8 +53,8 @@ impl Refinement<'_> {
         let mut places = self.solve(scales)?;
         for _ in 0..ROUNDS {
             let mut moved = false;
-            for joint in 0..places.len() {
-                let (Some(place), None) = (places[joint], self.fixed[joint]) else { continue };
+            for (joint, place) in places.iter().enumerate() {
+                let (Some(place), None) = (*place, self.fixed[joint]) else { continue };
                 let inside = self.inside(joint, place);
                 if inside.distance(place) > 1e-3 * self.field.cell {
                     let is_base = self.targets[joint].is_some_and(|target| target.is_base);
@@ -69,9 +69,9 @@ impl Refinement<'_> {
             places = self.solve(scales)?;
         }
         // The bones may have pulled a joint out again.
-        for joint in 0..places.len() {
-            if let (Some(place), None) = (places[joint], self.fixed[joint]) {
-                places[joint] = Some(self.inside(joint, place));
+        for (joint, place) in places.iter_mut().enumerate() {
+            if self.fixed[joint].is_none() {
+                *place = place.map(|place| self.inside(joint, place));
             }
         }
         self.mirror(&mut places);
