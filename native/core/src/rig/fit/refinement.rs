@@ -85,11 +85,13 @@ impl Refinement<'_> {
             None => TRUNK_DEPTH * deepest,
             Some(_) => 0.5 * self.field.cell,
         };
+        let Some((mirror, plane)) = &self.mirrors else { return self.field.pulled_inside(place, depth) };
+        if mirror.partner[joint] == Some(joint) {
+            return self.field.pulled_inside_near(place, depth, Some(plane));
+        }
         let inside = self.field.pulled_inside(place, depth);
-        let Some((mirror, plane)) = &self.mirrors else { return inside };
         let height = plane.height(inside);
         match mirror.partner[joint] {
-            Some(partner) if partner == joint => inside - plane.normal * height,
             Some(_) => {
                 // Left stays left, and not much nearer to the middle than in the template.
                 let expected = mirror.plane.height(self.points[joint]);

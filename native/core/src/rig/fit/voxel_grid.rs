@@ -11,6 +11,8 @@ use crate::progress::{Cancelled, Progress};
 const BLOCK: i32 = 4;
 /// On a sheet the winding number is a half, up to rounding.
 const LEAST_WINDING: f64 = 0.501;
+/// Cavities are at most this share of a body.
+const CAVITY: f64 = 0.25;
 /// Step off the planes of the grid, in voxels.
 const BESIDE_PLANES: DVec3 = DVec3::new(3.7e-4, 6.1e-4, 8.3e-4);
 
@@ -147,7 +149,8 @@ impl VoxelGrid {
         }
     }
 
-    /// Adds voxels from which no way leads out without crossing the surface.
+    /// Adds voxels from which no way leads out without crossing the surface, where they are too many to be
+    /// cavities such as a mouth: then the triangles do not agree on which side is outside.
     fn add_enclosed(&mut self, touched: &[bool]) {
         let mut reached = touched.to_vec();
         let mut front = vec![IVec3::ZERO];
@@ -159,6 +162,12 @@ impl VoxelGrid {
                     front.push(next);
                 }
             }
+        }
+        let enclosed =
+            self.inside.iter().zip(&reached).filter(|&(inside, reached)| !inside && !reached).count();
+        let wound = self.inside.iter().filter(|&&inside| inside).count();
+        if enclosed as f64 <= CAVITY * wound as f64 {
+            return;
         }
         for (inside, reached) in self.inside.iter_mut().zip(reached) {
             *inside |= !reached;
