@@ -12,7 +12,7 @@ import pytest
 from mathutils import Euler, Matrix, Vector
 from scratch_profile import MODULE
 from test_extension import draw
-from test_modal import stand_in_for
+from windows import stand_in_for
 
 
 @pytest.fixture
