@@ -9,9 +9,9 @@ import characters as c
 import fits
 import numpy as np
 import pytest
+from layouts import draw
 from mathutils import Euler, Matrix, Vector
 from scratch_profile import MODULE
-from test_extension import draw
 from windows import stand_in_for
 
 
