@@ -9,7 +9,7 @@ PYTHON ?= $(shell for python in python3.11 python3.13 python3; do \
 	then echo $$python; exit; fi; done; echo python3)
 VENV_PYTHON := .venv/bin/python
 
-.PHONY: help demo test bench wheel zip package install-test lint format clean environment
+.PHONY: help demo test bench wheel zip package install-test window-test lint format clean environment
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | \
@@ -51,6 +51,10 @@ package: environment ## Build zips for Linux, Windows and macOS (PLATFORMS="linu
 
 install-test: zip ## Install, use, upgrade, disable and remove the zip in Blender 4.2, 4.5, 5.0 and 5.2
 	@$(VENV_PYTHON) scripts/install_matrix.py
+
+window-test: zip ## A session in a real Blender window on a virtual screen, with pictures (BLENDER=/path/to/blender)
+	@test -f demo/demo.blend || $(VENV_PYTHON) demo/run.py --no-render
+	@$(VENV_PYTHON) scripts/window_test.py $(if $(BLENDER),--blender "$(BLENDER)")
 
 environment: ## Make .venv with everything that the other targets need (they call this themselves)
 	@"$(PYTHON)" scripts/setup_environment.py

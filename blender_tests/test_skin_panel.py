@@ -9,7 +9,9 @@ from layouts import draw
 
 
 def test_without_anything():
-    assert draw("DERMIS_PT_skin") == ["dermis.skin_enable"]
+    *reason, button = draw("DERMIS_PT_skin")
+    assert " ".join(reason) == "Make an armature active, or select its meshes."
+    assert button == "dermis.skin_enable"
     assert not bpy.types.DERMIS_PT_skin_settings.poll(bpy.context)
 
 

@@ -18,17 +18,18 @@ class DERMIS_UL_bone_map(bpy.types.UIList):
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
         """Draw one pair; the target bone can be changed."""
-        split = layout.split(factor=0.4, align=True)
-        split.label(text=item.source, icon="BONE_DATA")
-        split = split.split(factor=0.7, align=True)
+        split = layout.split(factor=0.34, align=True)
+        split.label(text=item.source)
+        split = split.split(factor=0.68, align=True)
         source, target = source_of(context), single_target(context)
         armature = armatures(source, target)[1] if source is not None and target is not None else None
         if armature is None:
             split.prop(item, "target", text="")
         else:
             split.prop_search(item, "target", armature.data, "bones", text="")
-        how = HOW.get(item.how.lower(), "") if item.target else "to its ancestor"
-        split.label(text=how)
+        how = HOW.get(item.how.lower(), "") if item.target else "to ancestor"
+        # The list is narrow.
+        split.label(text=how.split()[-1])
 
     def filter_items(self, context, data, propname):
         """Show the rows whose source or target bone has the text of the filter."""
