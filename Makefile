@@ -35,10 +35,11 @@ bench: zip ## Measure the spectral solver, the skin, its frames and retargeted w
 lint: wheel ## Run the formatters' checks, the linters and the type checker alone
 	@$(VENV_PYTHON) scripts/run_tests.py lint
 
-format: environment ## Format all Rust and Python code
+format: environment ## Format all Rust and Python code, and renew docs/api.md
 	cargo fmt --all
 	$(VENV_PYTHON) -m ruff check --fix
 	$(VENV_PYTHON) -m ruff format
+	$(VENV_PYTHON) scripts/api_page.py
 
 wheel: environment ## Build the Python module of the Rust core into dist/ and install it into .venv
 	@$(VENV_PYTHON) scripts/build_wheel.py

@@ -36,7 +36,7 @@ class Layout:
 
     def label(self, text="", icon="NONE"):
         assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
-        self.drawn.append(text)
+        self.drawn.append(text or icon)
 
     def prop(self, data, name, **_):
         assert name in data.bl_rna.properties or name in data.__annotations__

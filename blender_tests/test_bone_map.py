@@ -204,11 +204,11 @@ def test_panel():
     drawn = []
     kind = bpy.types.DERMIS_UL_bone_map
     kind.draw_item(None, bpy.context, Layout(drawn), kept, kept.bone_map[0], 0, kept, "", 0, 0)
-    assert drawn == ["lower", "target", "name"]
+    assert drawn == ["lower", "target", "CHECKMARK"]
     kept.bone_map[0].target = ""
     drawn.clear()
     kind.draw_item(None, bpy.context, Layout(drawn), kept, kept.bone_map[0], 0, kept, "", 0, 0)
-    assert drawn == ["lower", "target", "ancestor"]
+    assert drawn == ["lower", "target", "TRIA_UP"]
     c.activate(source, target, own)
     bpy.data.objects.remove(bpy.data.objects["SourceRig"])
     assert any(text.startswith("This list belongs to") for text in draw("DERMIS_PT_bone_map"))

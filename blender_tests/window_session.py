@@ -210,7 +210,10 @@ def bones(source, target):
         press("dermis.map_bones") == {"FINISHED"},
         f"{len(named(target).dermis_retarget.bone_map)} rows",
     )
-    yield 0.7
+    yield 1.0
+    window().cursor_warp(400, 300)
+    view().tag_redraw()
+    yield 1.0
     picture("bones")
 
 

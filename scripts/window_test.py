@@ -148,7 +148,8 @@ def main() -> int:
     if arguments.docs:
         for path in sorted(PICTURES.glob("*.png")):
             with Image.open(path) as image:
-                image.convert("RGB").quantize(128).save(DOCS / f"window_{path.name}", optimize=True)
+                small = image.convert("P", palette=Image.Palette.ADAPTIVE, colors=256)
+            small.save(DOCS / f"window_{path.name}", optimize=True)
     print()
     for each in steps:
         print(f"{'ok    ' if each['ok'] else 'FAILED'}  {each['step']}" + (f": {each['text']}" if each["text"] else ""))
