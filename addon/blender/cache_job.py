@@ -32,9 +32,11 @@ class CacheJob:
         kind: CacheFormat,
         *,
         play: bool = True,
+        scheduler: str = "",
     ) -> None:
         depsgraph = bpy.context.evaluated_depsgraph_get()
         self._scene, self._frames, self._kind, self._play = scene, frames, kind, play
+        self._scheduler = scheduler.strip()
         self._fps = scene.render.fps / scene.render.fps_base
         for ob in objects:
             check_own(ob)
@@ -52,7 +54,7 @@ class CacheJob:
             CacheOrder(Path(bpy.path.abspath(filepath)), source.frames(), source.samples)
             for filepath, source in zip(self._filepaths, self._sources, strict=True)
         ]
-        return CacheTask(orders, self._frames, self._kind, self._fps)
+        return CacheTask(orders, self._frames, self._kind, self._fps, self._scheduler)
 
     def finish(self) -> str:
         """Let modifiers play the files in the place of the live skins; one line about them."""
