@@ -13,6 +13,11 @@ OUTPUT = ROOT / "docs" / "api.md"
 WIDTH = 100
 
 
+def source(node: ast.AST) -> str:
+    """Python of a node, with the formatter's quotes."""
+    return ast.unparse(node).replace("'", '"')
+
+
 def signature(node: ast.FunctionDef, name: str) -> str:
     """A call with its types, one argument a line where it is long."""
     arguments = node.args
@@ -27,7 +32,7 @@ def signature(node: ast.FunctionDef, name: str) -> str:
         parts += [
             argument(each, value) for each, value in zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
         ]
-    given = "" if node.returns is None or name[0].isupper() else f" -> {ast.unparse(node.returns)}"
+    given = "" if node.returns is None or name[0].isupper() else f" -> {source(node.returns)}"
     line = f"{name}({', '.join(parts)}){given}"
     if len(line) <= WIDTH:
         return line
@@ -36,8 +41,8 @@ def signature(node: ast.FunctionDef, name: str) -> str:
 
 def argument(node: ast.arg, default: ast.expr | None) -> str:
     """One argument with its type and default."""
-    text = node.arg + (f": {ast.unparse(node.annotation)}" if node.annotation else "")
-    return text + (f" = {ast.unparse(default)}" if default is not None else "")
+    text = node.arg + (f": {source(node.annotation)}" if node.annotation else "")
+    return text + (f" = {source(default)}" if default is not None else "")
 
 
 def described(node: ast.FunctionDef, name: str) -> list[str]:
@@ -58,10 +63,10 @@ def class_lines(node: ast.ClassDef) -> list[str]:
     for each in node.body:
         if not isinstance(each, ast.FunctionDef):
             continue
-        decorators = {ast.unparse(decorator) for decorator in each.decorator_list}
+        decorators = {source(decorator) for decorator in each.decorator_list}
         if "property" in decorators:
             says = " ".join((ast.get_docstring(each) or "").split())
-            properties.append(f"- `{each.name}: {ast.unparse(each.returns) if each.returns else ''}` {says}".rstrip())
+            properties.append(f"- `{each.name}: {source(each.returns) if each.returns else ''}` {says}".rstrip())
         elif each.name == "__new__":
             lines += described(each, node.name)
         elif not each.name.startswith("_"):
@@ -72,7 +77,7 @@ def class_lines(node: ast.ClassDef) -> list[str]:
 def page() -> str:
     """The whole page."""
     module = ast.parse(STUB.read_text(encoding="utf-8"))
-    aliases = [ast.unparse(node) for node in module.body if isinstance(node, ast.Assign) and not is_names(node)]
+    aliases = [source(node) for node in module.body if isinstance(node, ast.Assign) and not is_names(node)]
     lines = ["# The Python module `dermis_native`", "", *text_of(module), "In signatures:", "", "```python"]
     lines += [*aliases, "```", ""]
     for node in module.body:
@@ -85,7 +90,7 @@ def page() -> str:
 
 def is_names(node: ast.Assign) -> bool:
     """Whether this is the list of public names."""
-    return ast.unparse(node.targets[0]) == "__all__"
+    return source(node.targets[0]) == "__all__"
 
 
 if __name__ == "__main__":
