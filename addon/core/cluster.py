@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import operator
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from types import TracebackType
 from typing import Any
 
@@ -64,7 +64,7 @@ class Cluster:
 
     def solved(
         self, frames: SkinFrames, samples: Sequence[PoseSample], stop: Callable[[], None]
-    ) -> Iterator[tuple[int, Weights]]:
+    ) -> Generator[tuple[int, Weights]]:
         """Index and positions (V,3) of each sample, in any order. `stop` raises when no more is wanted."""
         import cloudpickle
         import distributed
