@@ -16,7 +16,7 @@ const HALF_UNEVEN: f64 = 0.6;
 const HALF_UNLIKE: f64 = 0.15;
 const HALF_TURN: f64 = 55.0 * std::f64::consts::PI / 180.0;
 /// Ears, horns and snouts reach this share of the longest way through a body away from the bones.
-const FREE_TIP: f64 = 0.22;
+const FREE_TIP: f64 = 0.25;
 /// How much farther a tip reaches where its share of the score is a half.
 const HALF_BARE: f64 = 0.15;
 
