@@ -313,10 +313,12 @@ class FittedSkeleton:
         """Embedded into the shape, or only scaled and moved as a whole with its joints pulled inside."""
     @property
     def score(self) -> float:
-        """How well the skeleton fits, 0 to 1: joints and bones well inside, lengths plausible."""
+        """How well the skeleton fits, 0 to 1: bones inside, lengths plausible, the trunk like the template's up to
+        a turn, and no limb of the mesh without bones. Below 0.5 the template is doubtful.
+        """
     @property
     def message(self) -> str:
-        """One sentence about what was not found or why the template was only scaled; empty when all is well."""
+        """What was not found, what has no bones, or why the template was only scaled; empty when all is well."""
     @property
     def found(self) -> npt.NDArray[np.bool_]:
         """(B,) True where the shape placed the bone, False where it was carried along."""

@@ -37,7 +37,7 @@ const SMOOTH_FIDELITY: f64 = 0.1;
 /// How closely they are made to follow in order to see whether the cage can speak for a vertex.
 const FAITHFUL: f64 = 10.0;
 /// Largest patch whose cell size was not asked for; more cannot be solved while animating.
-const MOST_TETRAHEDRA: usize = 100_000;
+pub(super) const MOST_TETRAHEDRA: usize = 100_000;
 /// Growth of the cells of a patch that has more.
 const COARSER: f64 = 1.3;
 /// Rings of cells around what is free.
@@ -63,17 +63,18 @@ pub(super) struct PatchInput<'a> {
 }
 
 /// Builds the islands of a patch. A cell size that was not asked for grows until the patch has no
-/// more than [`MOST_TETRAHEDRA`].
+/// more than `most` tetrahedra.
 pub(super) fn build_patch(
     input: &PatchInput<'_>,
     patch: u32,
     cell_size: Option<f64>,
+    most: usize,
 ) -> Result<Vec<Island>, PbdError> {
     let mut size = input.areas.cell_sizes[patch as usize];
     loop {
         let islands = build_cells(input, patch, size);
         let too_many = match &islands {
-            Ok(islands) => islands.iter().map(|i| i.tetrahedra.len()).sum::<usize>() > MOST_TETRAHEDRA,
+            Ok(islands) => count(islands) > most,
             Err(PbdError::Cage(CageError::TooManyCells { .. })) => true,
             Err(_) => false,
         };
@@ -82,6 +83,11 @@ pub(super) fn build_patch(
         }
         size *= COARSER;
     }
+}
+
+/// Tetrahedra of islands.
+pub(super) fn count(islands: &[Island]) -> usize {
+    islands.iter().map(|island| island.tetrahedra.len()).sum()
 }
 
 fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec<Island>, PbdError> {
