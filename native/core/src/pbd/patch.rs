@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::DVec3;
 
+use super::active::Neighbours;
 use super::areas::{JointArea, JointAreas};
 use super::batches::Batches;
 use super::contact_setup::joint_contacts;
@@ -297,6 +298,7 @@ fn build_island(
     let rest: Vec<_> = particles.iter().map(|&p| position(p).as_vec3()).collect();
     let (low, high) = rest.iter().fold((rest[0], rest[0]), |(l, h), &p| (l.min(p), h.max(p)));
     Island {
+        neighbours: Neighbours::new(rest.len(), &tetrahedra),
         cage_contacts,
         contacts,
         weights,
