@@ -9,7 +9,7 @@ PYTHON ?= $(shell for python in python3.11 python3.13 python3; do \
 	then echo $$python; exit; fi; done; echo python3)
 VENV_PYTHON := .venv/bin/python
 
-.PHONY: help demo test bench wheel zip lint format clean environment
+.PHONY: help demo test bench wheel zip package install-test lint format clean environment
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | \
@@ -47,6 +47,12 @@ wheel: environment ## Build the Python module of the Rust core into dist/ and in
 
 zip: wheel ## Build the Blender extension into dist/
 	@$(VENV_PYTHON) scripts/build_zip.py
+
+package: environment ## Build zips for Linux, Windows and macOS (PLATFORMS="linux-x64 ..." for some) into dist/package/
+	@$(VENV_PYTHON) scripts/package.py $(PLATFORMS)
+
+install-test: zip ## Install, use, upgrade, disable and remove the zip in Blender 4.2, 4.5, 5.0 and 5.2
+	@$(VENV_PYTHON) scripts/install_matrix.py
 
 environment: ## Make .venv with everything that the other targets need (they call this themselves)
 	@"$(PYTHON)" scripts/setup_environment.py

@@ -5,7 +5,7 @@ import bpy
 import characters as c
 import numpy as np
 import pytest
-from test_extension import Layout, draw
+from layouts import Layout, draw
 
 NAMES = ("lower", "middle", "upper")
 OTHER = {"lower": "root", "middle": "belly", "upper": "crown"}

@@ -5,7 +5,7 @@ import bpy
 import characters as c
 import pytest
 import skins as s
-from test_extension import draw
+from layouts import draw
 
 
 def test_without_anything():

@@ -2,7 +2,7 @@
 """One bake of point caches: read the poses, write the files, let modifiers play them."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -53,10 +53,6 @@ class CacheJob:
             for filepath, source in zip(self._filepaths, self._sources, strict=True)
         ]
         return CacheTask(orders, self._frames, self._kind, self._fps)
-
-    def run(self, show_progress: Callable[[float], None]) -> None:
-        """Work to the end."""
-        self.task.run(show_progress)
 
     def finish(self) -> str:
         """Let modifiers play the files in the place of the live skins; one line about them."""

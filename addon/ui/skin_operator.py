@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the operators that switch skins on and off share."""
+"""What the operators on skins share."""
 
 from .operator_base import DermisOperator
 from .skin_selection import missing_meshes

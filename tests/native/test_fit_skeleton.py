@@ -1,17 +1,13 @@
 """`fit_skeleton`: joints near the artist's on other bodies and in other poses, any mesh, any template."""
 
-import hashlib
-import os
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import characters
 import numpy as np
 import pytest
+import threads
 from bad_characters import bad_meshes, bad_skeletons, body
 from bind_figures import BODIES, character
 from dermis_native import Cancelled, Progress, Skeleton, TriangleMesh, fit_skeleton, tetrahedralize
@@ -252,24 +248,11 @@ def test_bones_without_length_stay_so():
 
 
 def test_the_same_bits_on_any_number_of_threads():
-    script = (
-        "import hashlib, surfaces, dermis_native as d; m, s, _ = surfaces.child(3000); r = d.fit_skeleton(m, s);"
-        "print(hashlib.sha256(r.skeleton.heads.tobytes() + r.skeleton.tails.tobytes()).hexdigest(), r.method)"
+    program = (
+        "import surfaces, dermis_native as d; mesh, skeleton, _ = surfaces.child(3000);"
+        "fitted = d.fit_skeleton(mesh, skeleton).skeleton; found = fitted.heads, fitted.tails"
     )
-    folder = Path(__file__).resolve().parent
-    paths = os.pathsep.join([str(folder), str(folder.parents[1] / "demo")])
-    digests = {
-        subprocess.run(
-            [sys.executable, "-c", script],
-            env=os.environ | {"RAYON_NUM_THREADS": str(threads), "PYTHONPATH": paths},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.split()[0]
-        for threads in (1, 2, 5)
-    }
-    assert len(digests) == 1
-    assert len(digests.pop()) == 2 * hashlib.sha256().digest_size
+    assert len(threads.digests(program, 1, 2, 5)) == 1
 
 
 def test_wrong_arguments_are_named():
