@@ -16,7 +16,7 @@ def draw(report, path):
     image = Image.new("RGB", (WIDTH, 2 * MARGIN + LINE * (len(rows) + 3) + PLOT + 3 * MARGIN), BACKGROUND)
     canvas = ImageDraw.Draw(image)
     canvas.text((MARGIN, MARGIN), f"Share of the bound, up to 1 is met. {report['machine']}", fill=INK)
-    place = lambda share: LEFT + (WIDTH - LEFT - 6 * MARGIN) * min(share, 2.0) / 2.0  # noqa: E731
+    place = lambda share: LEFT + (WIDTH - LEFT - 6 * MARGIN) * min(max(share, 0.0), 2.0) / 2.0  # noqa: E731
     top, bottom = 2 * MARGIN, 2 * MARGIN + LINE * len(rows)
     for tick in (0.0, 0.5, 1.0, 1.5, 2.0):
         canvas.line([place(tick), top, place(tick), bottom], fill=INK if tick == 1.0 else GRID)

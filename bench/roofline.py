@@ -6,12 +6,11 @@ import time
 
 import numpy as np
 
-# Bytes of triad arrays: three of them far beyond any cache, or within a core's own.
-BEYOND_CACHE, IN_CACHE = 96 << 20, 192 << 10
-BLOCK = 2048  # rows of a block that two passes share in the first-level cache
-# What a projection reads and writes: particles of 16 bytes, their indices, the rest length.
-EDGE_BYTES, TETRAHEDRON_BYTES = 2 * 2 * 16 + 2 * 4 + 4, 4 * 2 * 16 + 4 * 4
-# And computes: multiplications, additions, one root or division each.
+# Bytes of three arrays, far beyond any cache.
+BEYOND_CACHE = 384 << 20
+# What a constraint is: indices of its particles, and an edge's rest length; a particle: position, inverse mass.
+EDGE_BYTES, TETRAHEDRON_BYTES, PARTICLE_BYTES = 2 * 4 + 4, 4 * 4, 16
+# Multiplications and additions of a projection, with its root or division as one.
 EDGE_FLOPS, TETRAHEDRON_FLOPS = 30, 110
 
 
@@ -21,65 +20,65 @@ def fma_gflops(size=1024, repeats=6):
     out = np.empty_like(a)
     best = np.inf
     for _ in range(repeats):
-        began = time.perf_counter()
+        began = time.thread_time()
         np.matmul(a, b, out=out)
-        best = min(best, time.perf_counter() - began)
+        best = min(best, time.thread_time() - began)
     return 2 * size**3 / best / 1e9
 
 
-def triad_gb_s(total_bytes, threads=1, repeats=8):
-    """Gigabytes a second of a = b + s c in f32, three streams, on so many threads, each with its own arrays."""
-    count = total_bytes // 12 // threads
-    rounds = max(1, (16 << 20) // total_bytes)
-    arrays = [np.ones((3, count), np.float32) for _ in range(threads)]
+def stream_gb_s(threads, repeats=6):
+    """Gigabytes a second of a = b + c in f32 beyond all caches, on so many threads, each with its own arrays.
+
+    By the threads' processor time, which other work on the machine does not stretch as it does the wall time.
+    """
+    count = BEYOND_CACHE // 12 // threads
+    times = [[] for _ in range(threads)]
 
     def work(own):
-        a, b, c = own
-        for _ in range(rounds):
-            for start in range(0, count, BLOCK * 8):
-                part = slice(start, start + BLOCK * 8)
-                np.multiply(c[part], np.float32(0.5), out=a[part])
-                np.add(a[part], b[part], out=a[part])
+        a, b, c = np.ones((3, count), np.float32)
+        for _ in range(repeats):
+            began = time.thread_time()
+            np.add(b, c, out=a)
+            own.append(time.thread_time() - began)
 
-    best = np.inf
-    for _ in range(repeats):
-        workers = [threading.Thread(target=work, args=(own,)) for own in arrays]
-        began = time.perf_counter()
-        for worker in workers:
-            worker.start()
-        for worker in workers:
-            worker.join()
-        best = min(best, time.perf_counter() - began)
-    return 12 * count * threads * rounds / best / 1e9
+    workers = [threading.Thread(target=work, args=(own,)) for own in times]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    return 12 * count * threads / max(min(own) for own in times) / 1e9
 
 
 def roofline():
     """Both peaks of one core, and the bandwidth of two threads."""
     return {
         "fma_gflops_one_core": round(fma_gflops(), 1),
-        "triad_gb_s_memory_one_thread": round(triad_gb_s(BEYOND_CACHE), 2),
-        "triad_gb_s_memory_two_threads": round(triad_gb_s(BEYOND_CACHE, 2), 2),
-        "triad_gb_s_cache_one_thread": round(triad_gb_s(IN_CACHE), 2),
+        "stream_gb_s_one_thread": round(stream_gb_s(1), 2),
+        "stream_gb_s_two_threads": round(stream_gb_s(2), 2),
     }
 
 
-def least_milliseconds(machine, stretch, volume, iterations):
-    """Least time of so many iterations on one core, and whether bandwidth or arithmetic bounds it.
+def least_milliseconds(peaks, particles, stretch, volume, iterations):
+    """Least time of so many iterations on one core, and what bounds it.
 
-    Every projection moves its particles and reads its constraint at the bandwidth of memory; what a cache
-    saves of that is the solver's to win.
+    Either the arithmetic at the peak, or the traffic at the bandwidth of memory if no cache kept anything from
+    one sweep to the next: every constraint read once, every particle read and written once by each sweep.
     """
-    moved = stretch * EDGE_BYTES + volume * TETRAHEDRON_BYTES
+    moved = stretch * EDGE_BYTES + volume * TETRAHEDRON_BYTES + 2 * 2 * PARTICLE_BYTES * particles
     flops = stretch * EDGE_FLOPS + volume * TETRAHEDRON_FLOPS
-    by_bandwidth = 1e-6 * iterations * moved / machine["triad_gb_s_memory_one_thread"]
-    by_arithmetic = 1e-6 * iterations * flops / machine["fma_gflops_one_core"]
-    return {"bandwidth_ms": by_bandwidth, "arithmetic_ms": by_arithmetic, "ms": max(by_bandwidth, by_arithmetic)}
+    by_bandwidth = 1e-6 * iterations * moved / peaks["stream_gb_s_one_thread"]
+    by_arithmetic = 1e-6 * iterations * flops / peaks["fma_gflops_one_core"]
+    return {
+        "bandwidth_ms": round(by_bandwidth, 3),
+        "arithmetic_ms": round(by_arithmetic, 3),
+        "ms": round(max(by_bandwidth, by_arithmetic), 3),
+    }
 
 
 class PyPbd:
-    """PositionBasedDynamics (C++) on the tetrahedra of a cage: distance and volume constraints, two threads."""
+    """PositionBasedDynamics (C++) on the tetrahedra of a cage: distance and volume constraints."""
 
-    def __init__(self, vertices, tetrahedra, iterations, threads=2):
+    def __init__(self, vertices, tetrahedra, iterations, threads):
         os.environ["OMP_NUM_THREADS"] = str(threads)
         import pypbd  # None of our packages needs it; the caller does without where it is not installed.
 
@@ -106,8 +105,6 @@ class PyPbd:
             particles.setPosition(i, (position + 0.002 * random.standard_normal(3)).astype(np.float32))
         pypbd.TimeManager.getCurrent().setTimeStepSize(0.005)
 
-    def milliseconds(self):
-        """Of one step."""
-        began = time.perf_counter()
+    def step(self):
+        """One step."""
         self._step.step(self._model)
-        return 1e3 * (time.perf_counter() - began)

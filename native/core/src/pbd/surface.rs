@@ -92,8 +92,7 @@ impl MovedVertices {
             let point = &islands[island as usize].surface[point as usize];
             if scratch.solver.concerns(point, row.0) {
                 let solved = frame.transform_point3(point.position(&scratch.solver.particles));
-                let skinned =
-                    *skinned.get_or_insert_with(|| plain.skinning.vertex(plain.rest[vertex], row));
+                let skinned = *skinned.get_or_insert_with(|| plain.skinning.vertex(plain.rest[vertex], row));
                 *correction += point.share * (solved - skinned);
                 computed = true;
             }
