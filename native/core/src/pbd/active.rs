@@ -90,13 +90,14 @@ impl ActivePart {
     pub(super) fn complete(&mut self, island: &Island) {
         let mut done = 0;
         for _ in 0..RINGS {
-            for place in done..self.rings.len() {
+            let end = self.rings.len();
+            for place in done..end {
                 let particle = self.rings[place];
-                done += 1;
                 for &neighbour in island.neighbours.of(particle) {
                     self.add(neighbour);
                 }
             }
+            done = end;
         }
         self.inverse_masses.clear();
         let masses = island.inverse_masses.iter().zip(&self.concerned);
