@@ -298,7 +298,7 @@ def figures(report):
     """Name, value, bound and unit of every figure that has a bound; larger is worse except where `least`."""
     solver = report["distance and volume"]
     if "peer_over_dermis" in solver:
-        yield "pyPBD on two threads over Dermis on two", solver["peer_over_dermis"], 10.0, "times, at least"
+        yield "pyPBD on two threads over Dermis", solver["peer_over_dermis"], 10.0, "times, at least"
     yield "sweeps of one core over its roofline", solver["over_roofline"], 2.5, "times"
     for name, bound in (
         ("the paper's whole frame", 12.0),
