@@ -23,10 +23,12 @@ demo: zip ## Retarget weights in Blender, what the PBD skin does, a bare mesh th
 test: zip ## Run all tests and linters (Rust, Python, inside Blender)
 	@$(VENV_PYTHON) scripts/run_tests.py
 
-bench: zip ## Measure the spectral solver, the skin, its frames and retargeted weights beside others; bench/*.json and *.png
+bench: zip ## Measure the spectral solver, the skin, its speed, its frames and retargeted weights beside others; bench/*.json and *.png
 	@$(VENV_PYTHON) bench/spectral.py
 	@$(VENV_PYTHON) bench/skin.py
+	@$(VENV_PYTHON) bench/performance.py
 	@$(VENV_PYTHON) bench/skin_frames.py
+	@$(VENV_PYTHON) bench/skin_frames.py --vertices 24000
 	@$(VENV_PYTHON) bench/retarget.py
 	@$(VENV_PYTHON) bench/bind.py
 	@$(VENV_PYTHON) bench/fit.py

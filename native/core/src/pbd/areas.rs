@@ -266,13 +266,13 @@ fn limb_distance(skeleton: &Skeleton, parent: u32, bone: u32, position: DVec3) -
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     const SIDES: u32 = 12;
 
     /// A prism of radius 1 along x from −6 to 6 with a ring at every half, bones meeting at −2, 2.
-    fn prism(radius: impl Fn(f64) -> f64) -> (TriangleMesh, Skeleton, SkinWeights) {
+    pub(in crate::pbd) fn prism(radius: impl Fn(f64) -> f64) -> (TriangleMesh, Skeleton, SkinWeights) {
         let xs: Vec<f64> = (-12..=12).map(|i| f64::from(i) * 0.5).collect();
         let around = (0..SIDES).map(|k| std::f64::consts::TAU * f64::from(k) / f64::from(SIDES));
         let circle: Vec<DVec3> = around.map(|angle| DVec3::new(0.0, angle.cos(), angle.sin())).collect();

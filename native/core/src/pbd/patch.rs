@@ -3,7 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::DVec3;
+use rayon::prelude::*;
 
+use super::active::Neighbours;
 use super::areas::{JointArea, JointAreas};
 use super::batches::Batches;
 use super::contact_setup::joint_contacts;
@@ -104,6 +106,7 @@ fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec
     };
     let cage = LatticeCage::new(input.mesh, input.winding, lattice, &triangles, &region)?;
     let embeddings: Vec<Option<Embedding>> = (0..input.mesh.vertex_count())
+        .into_par_iter()
         .map(|v| {
             (in_region[v] > 0.0).then(|| embed(&lattice, &cage.index_of, input.mesh.vertices()[v])).flatten()
         })
@@ -127,7 +130,7 @@ fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec
         }
     };
     Ok(split(&freedom, cage.mesh.tetrahedra())
-        .into_iter()
+        .into_par_iter()
         .map(|tetrahedra| {
             let island =
                 build_island(input, patch, &areas, &cage, &rows, &fit, &freedom, &embeddings, &tetrahedra);
@@ -143,12 +146,13 @@ fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec
 
 /// 1 for vertices within the margin of what is free, 0.5 for a border as wide, 0 elsewhere.
 fn region_vertices(input: &PatchInput<'_>, patch: u32, areas: &[JointArea], cell_size: f64) -> Vec<f64> {
-    let seeds = (0..input.mesh.vertex_count()).filter(|&v| {
+    let is_free = |&v: &usize| {
         let row: Vec<(u32, f64)> = input.weights.entries(v).map(|(b, w)| (b, w.into())).collect();
         input.masks.mask(v, patch) > 0.0 && freedom(input, areas, &row, input.mesh.vertices()[v]) > 0.0
-    });
+    };
+    let seeds: Vec<usize> = (0..input.mesh.vertex_count()).into_par_iter().filter(is_free).collect();
     let margin = MARGIN_CELLS * cell_size;
-    geodesic_distances(input.mesh, input.adjacency, seeds, 2.0 * margin)
+    geodesic_distances(input.mesh, input.adjacency, seeds.into_iter(), 2.0 * margin)
         .into_iter()
         .map(|distance| match distance {
             Some(d) if d <= margin => 1.0,
@@ -303,6 +307,7 @@ fn build_island(
     let rest: Vec<_> = particles.iter().map(|&p| position(p).as_vec3()).collect();
     let (low, high) = rest.iter().fold((rest[0], rest[0]), |(l, h), &p| (l.min(p), h.max(p)));
     Island {
+        neighbours: Neighbours::new(rest.len(), &tetrahedra),
         cage_contacts,
         contacts,
         weights,
