@@ -376,7 +376,7 @@ def rest_space_offsets(
 
 @final
 class TetMesh:
-    """Tetrahedra (T,4) over shared vertices (P,3), positively oriented."""
+    """Tetrahedra (T,4) over shared vertices (P,3), positively oriented; of a skin, all islands in rest."""
 
     @property
     def vertices(self) -> npt.NDArray[np.float64]: ...
@@ -438,8 +438,7 @@ class PbdSkin:
         number of vertices whose blended matrix is nearly singular; their offsets are limited.
         """
     @property
-    def cage(self) -> TetMesh:
-        """Tetrahedra of all islands, in rest."""
+    def cage(self) -> TetMesh: ...
     @property
     def stats(self) -> dict[str, Any]:
         """What the skin consists of and what the last solve took: vertices, moved_vertices, tetrahedra, islands,
