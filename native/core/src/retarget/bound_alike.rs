@@ -2,18 +2,17 @@
 //! weights best.
 //!
 //! Whoever paints weights begins with some that a program makes from the skeleton, or ends with such
-//! as they would make. Two ways stand for all: heat over the surface ([`super::bone_heat`]) and walks
+//! as they would make. Two ways stand for all: heat over the surface ([`bone_heat`]) and walks
 //! through the volume. The share of each is the one whose mix differs least (L1) from what was
 //! painted on the source; the target is bound by the same mix.
 
 use super::RetargetError;
-use super::bone_heat::bone_heat;
 use super::icp::Surroundings;
-use super::inpaint::{Row, blend, normalized};
 use super::parts::spread;
 use crate::progress::Progress;
-use crate::rig::{BindSettings, Skeleton, bind_weights};
+use crate::rig::{BindSettings, Sides, Skeleton, bind_weights, bone_heat};
 use crate::skinning::SkinWeights;
+use crate::skinning::{Row, blend, row_of};
 
 /// Shares of heat that are tried: multiples of the inverse of this.
 const SHARES: usize = 20;
@@ -63,11 +62,6 @@ pub(super) fn bind_alike(
     Ok(BoundAlike { source: mix(&heat, &volumetric, share), target: of_target })
 }
 
-/// A row of weights, of sum 1; empty without weights.
-pub(super) fn row_of(weights: &SkinWeights, vertex: usize) -> Row {
-    normalized(weights.entries(vertex).map(|(bone, weight)| (bone, f64::from(weight))).collect())
-}
-
 fn by_volume(character: Bindable<'_>, progress: &Progress) -> Result<Vec<Row>, RetargetError> {
     let settings = BindSettings { bones: Some(character.takes_part.to_vec()), ..BindSettings::default() };
     let weights = bind_weights(character.surface.mesh, character.skeleton, &settings, progress)?;
@@ -81,7 +75,15 @@ fn by_heat(
     progress: &Progress,
 ) -> Result<Vec<Row>, RetargetError> {
     progress.begin("Spreading heat", 0.9, 1.0)?;
-    let mut rows = bone_heat(character.surface, character.skeleton, character.takes_part, progress)?;
+    let Surroundings { mesh, shell, .. } = character.surface;
+    let mut rows = match shell.welded(mesh) {
+        Ok(welded) => {
+            let sides = Sides { side: &shell.side, extent: shell.extent };
+            let warmed = bone_heat(&welded, sides, character.skeleton, character.takes_part, progress)?;
+            shell.stands_for().iter().map(|&v| warmed[v as usize].clone()).collect()
+        }
+        Err(_) => vec![Row::new(); mesh.vertex_count()],
+    };
     if rows.iter().any(Row::is_empty) {
         let made = match otherwise {
             Some(_) => Vec::new(),

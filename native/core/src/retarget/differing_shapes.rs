@@ -15,9 +15,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::bone_rays::median;
-use super::bound_alike::{Bindable, bind_alike, row_of};
+use super::bound_alike::{Bindable, bind_alike};
 use super::icp::Surroundings;
-use super::inpaint::{Row, blend, normalized};
 use super::joint_refinement::Alignment;
 use super::joint_system::largest_bone;
 use super::part_shapes::{PartShape, part_shapes};
@@ -31,6 +30,8 @@ use crate::mesh::{Adjacency, Submesh, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::rig::{BoneMap, Skeleton, distance_to_segment};
 use crate::skinning::SkinWeights;
+use crate::skinning::row_of;
+use crate::skinning::{Row, blend, normalized};
 
 /// Distance left, relative to the radius, up to which shapes are alike,
 const ALIKE: f64 = 0.07;

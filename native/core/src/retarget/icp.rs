@@ -8,9 +8,9 @@
 use glam::DVec3;
 
 use super::deform::{Deformed, Deformer};
-use super::parallel::map_indices;
 use super::shell::{Shell, median, tie_break};
 use crate::mesh::{ClosestPoint, SurfaceQuery, TriangleMesh};
+use crate::parallel::map_indices;
 use crate::progress::Progress;
 use crate::spectral::SpectralError;
 
@@ -159,8 +159,8 @@ fn closest(
 #[cfg(test)]
 mod tests {
     use super::super::deform::{Anchor, Constraint, DeformSettings};
-    use super::super::test_surfaces::{icosphere, joined, mapped, permuted, similarity};
     use super::*;
+    use crate::mesh::test_surfaces::{icosphere, joined, mapped, permuted, similarity};
 
     fn run(source: &TriangleMesh, target: &TriangleMesh, constraints: &[Constraint]) -> Registered {
         let progress = Progress::new();

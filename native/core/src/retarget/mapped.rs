@@ -2,15 +2,15 @@
 //! rest positions, weights are found for it, and then go over the bone map to the target's bones.
 //! Target bones that no source bone stands for get their share last.
 
-use super::bound_alike::row_of;
 use super::differing_shapes::{Differing, Side};
-use super::inpaint::Row;
 use super::unclaimed::Unclaimed;
 use super::{Character, Method, RetargetError, Retargeted, Settings, by_method, check_counts, pair_bones};
 use crate::mesh::TriangleMesh;
 use crate::progress::Progress;
 use crate::rig::{BindSettings, BoneMap, Skeleton, bind_weights, map_bones};
+use crate::skinning::Row;
 use crate::skinning::SkinWeights;
+use crate::skinning::row_of;
 
 /// Gives the target the weights of the source.
 ///

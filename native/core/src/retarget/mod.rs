@@ -4,7 +4,6 @@ mod alignment;
 mod auto;
 pub mod bilaplacian;
 mod body;
-mod bone_heat;
 mod bone_rays;
 mod bone_rotations;
 mod bones;
@@ -24,7 +23,6 @@ mod mapped;
 mod marks;
 mod matching;
 mod paper;
-mod parallel;
 pub mod part_shapes;
 pub mod part_weights;
 pub mod parts;
@@ -37,8 +35,6 @@ mod shepard;
 mod similarity;
 mod surface_sample;
 mod surface_weights;
-#[cfg(test)]
-mod test_surfaces;
 mod unclaimed;
 mod warp;
 

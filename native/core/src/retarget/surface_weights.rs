@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::auto::{mesh_error, spectral_error};
 use super::differing_shapes::on_vertices;
 use super::icp::Surroundings;
-use super::inpaint::{InpaintSettings, Row};
+use super::inpaint::InpaintSettings;
 use super::part_weights::{PartWeights, weigh_parts};
 use super::parts::{Part, PartPolicy, SourceWeights, plan_parts};
 use super::rejection::{RejectionSettings, SurfaceMatch, match_surfaces};
@@ -17,6 +17,7 @@ use super::shell::{Shell, tie_break};
 use super::{Origin, RetargetError};
 use crate::mesh::{ResolvedChoice, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
+use crate::skinning::Row;
 use crate::skinning::SkinWeights;
 
 /// Inpainting reaches this far from accepted matches, as a share of the extent.
@@ -64,7 +65,7 @@ pub(super) fn take_over(
             Some(other) => {
                 let [own, other] =
                     [(found.triangle, found.barycentric), other].map(|place| blend(place, source, weights));
-                super::inpaint::blend([(&own, 0.5), (&other, 0.5)].into_iter())
+                crate::skinning::blend([(&own, 0.5), (&other, 0.5)].into_iter())
             }
             None => blend((found.triangle, found.barycentric), source, weights),
         })

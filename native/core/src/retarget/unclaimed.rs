@@ -2,8 +2,8 @@
 //! twist bones, toes. Where weights made from the target's skeleton alone give them a share, they
 //! take it from the bone that they hang on and from all that hangs on it.
 
-use super::inpaint::Row;
 use crate::rig::{BoneMap, Skeleton};
+use crate::skinning::Row;
 use crate::skinning::SkinWeights;
 
 /// The bones that only the target has, and those that they take their weight from.
