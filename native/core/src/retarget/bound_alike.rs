@@ -43,8 +43,11 @@ pub(super) fn bind_alike(
     progress: &Progress,
 ) -> Result<BoundAlike, RetargetError> {
     let painted: Vec<Row> = (0..weights.vertex_count()).map(|v| row_of(weights, v)).collect();
-    let volumetric = by_volume(source, progress)?;
-    let heat = by_heat(source, Some(&volumetric), progress)?;
+    let (volumetric, heat) = {
+        let _source = progress.part(0.0, 0.5);
+        both(source, progress)?
+    };
+    let _target = progress.part(0.5, 1.0);
     let off = |share: f64| -> f64 {
         let rows = painted.iter().zip(heat.iter().zip(&volumetric)).filter(|(row, _)| !row.is_empty());
         rows.map(|(row, (heat, volumetric))| spread(row, [&mixed(heat, volumetric, share)].into_iter())).sum()
@@ -55,11 +58,22 @@ pub(super) fn bind_alike(
         share if share >= 1.0 => by_heat(target, None, progress)?,
         share if share <= 0.0 => by_volume(target, progress)?,
         share => {
-            let volumetric = by_volume(target, progress)?;
-            mix(&by_heat(target, Some(&volumetric), progress)?, &volumetric, share)
+            let (volumetric, heat) = both(target, progress)?;
+            mix(&heat, &volumetric, share)
         }
     };
     Ok(BoundAlike { source: mix(&heat, &volumetric, share), target: of_target })
+}
+
+/// Rows by volume and by heat.
+fn both(character: Bindable<'_>, progress: &Progress) -> Result<(Vec<Row>, Vec<Row>), RetargetError> {
+    let volumetric = {
+        let _volumetric = progress.part(0.0, 0.7);
+        by_volume(character, progress)?
+    };
+    let _heat = progress.part(0.7, 1.0);
+    let heat = by_heat(character, Some(&volumetric), progress)?;
+    Ok((volumetric, heat))
 }
 
 fn by_volume(character: Bindable<'_>, progress: &Progress) -> Result<Vec<Row>, RetargetError> {
@@ -74,7 +88,7 @@ fn by_heat(
     otherwise: Option<&[Row]>,
     progress: &Progress,
 ) -> Result<Vec<Row>, RetargetError> {
-    progress.begin("Spreading heat", 0.9, 1.0)?;
+    progress.begin("Spreading heat", 0.0, 0.5)?;
     let Surroundings { mesh, shell, .. } = character.surface;
     let mut rows = match shell.welded(mesh) {
         Ok(welded) => {
@@ -87,7 +101,10 @@ fn by_heat(
     if rows.iter().any(Row::is_empty) {
         let made = match otherwise {
             Some(_) => Vec::new(),
-            None => by_volume(character, progress)?,
+            None => {
+                let _volumetric = progress.part(0.5, 1.0);
+                by_volume(character, progress)?
+            }
         };
         let otherwise = otherwise.unwrap_or(&made);
         let cold = rows.iter_mut().zip(otherwise).filter(|(row, _)| row.is_empty());

@@ -47,12 +47,18 @@ pub(super) fn take_over(
     choice: &ResolvedChoice<PartPolicy>,
     progress: &Progress,
 ) -> Result<TakenOver, RetargetError> {
-    progress.begin("Matching surfaces", 0.75, 0.9)?;
+    progress.begin("Matching surfaces", 0.63, 0.85)?;
     let query = SurfaceQuery::new(source).map_err(|error| mesh_error("source", error))?;
-    let shell = Shell::new(source, &query, progress)?;
+    let shell = {
+        let _first = progress.section(0.0, 0.3);
+        Shell::new(source, &query, progress)?
+    };
     let surface = Surroundings { mesh: source, query: &query, shell: &shell };
     let spectral = |error| spectral_error("target", error);
-    let matches = match_surfaces(surface, target, tests, progress).map_err(spectral)?;
+    let matches = {
+        let _rest = progress.section(0.3, 1.0);
+        match_surfaces(surface, target, tests, progress).map_err(spectral)?
+    };
     let accepted: Vec<bool> = matches.iter().map(|found| found.accepted).collect();
     let depth = FAR_FROM_MATCHES * target.shell.extent;
     let far = far_from_matches(target.mesh.vertices(), &accepted, depth);
@@ -71,7 +77,7 @@ pub(super) fn take_over(
         })
         .collect();
 
-    progress.begin("Filling weights", 0.9, 1.0)?;
+    progress.begin("Filling weights", 0.85, 1.0)?;
     let source_rows: Vec<Row> = (0..source.vertex_count())
         .map(|v| weights.entries(v).map(|(bone, weight)| (bone, f64::from(weight))).collect())
         .collect();
