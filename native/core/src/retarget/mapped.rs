@@ -67,6 +67,7 @@ pub fn retarget_weights(
             (Side { mesh: source.mesh, skeleton: from, weights: source_weights }, target.mesh, to);
         result.weights = on_own_bones(result.weights, characters, bone_map, differing, progress)?;
     }
+    progress.begin("Limiting influences", 1.0, 1.0)?;
     if let Some(count) = settings.max_influences {
         result.weights = result.weights.limited(count);
     }
