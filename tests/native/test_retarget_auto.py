@@ -1,5 +1,7 @@
 """`retarget_weights(method="auto")` against true weights, the methods it must beat, and its promises."""
 
+import threading
+
 import characters
 import makehuman
 import numpy as np
@@ -91,6 +93,40 @@ def test_garments_on_their_wearers(name):
     pair = make()
     dense = check(run(pair), len(pair.target.vertices))
     assert characters.l1_error(dense, pair.target.weights).mean() <= WORN_BOUNDS[name]
+
+
+def test_a_garment_of_another_body_keeps_its_matches():
+    make = characters.shared_pairs().get("default_casualsuit")
+    if make is None:
+        pytest.skip("the characters beside the checkout are not there")
+    pair = make()
+    dense = check(run(pair), len(pair.target.vertices))
+    assert characters.l1_error(dense, pair.target.weights).mean() <= 0.15
+
+
+def test_progress_never_falls_back():
+    """Neither where shapes are alike nor where the target is bound to its skeleton too."""
+    source, source_skeleton = worm(4.0, 0.25, 0.5)
+    target, target_skeleton = worm(2.0, 0.5, 0.35, wavy=0.6)
+    weights = bind_weights(source, source_skeleton)
+    for other, skeleton in ((source, source_skeleton), (target, target_skeleton)):
+        progress, seen, done = Progress(), [], threading.Event()
+
+        def watch(progress=progress, seen=seen, done=done):
+            while not done.is_set():
+                seen.append((progress.fraction, progress.stage))
+
+        watcher = threading.Thread(target=watch)
+        watcher.start()
+        retarget_weights(
+            source, weights, other, source_skeleton=source_skeleton, target_skeleton=skeleton, progress=progress
+        )
+        done.set()
+        watcher.join()
+        fractions = [fraction for fraction, _ in seen]
+        assert fractions == sorted(fractions)
+        assert progress.fraction == pytest.approx(1.0)
+    assert "Spreading heat" in {stage for _, stage in seen}
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])

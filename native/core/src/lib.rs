@@ -13,6 +13,7 @@
 pub mod cage;
 pub mod linalg;
 pub mod mesh;
+mod parallel;
 pub mod pbd;
 pub mod progress;
 pub mod retarget;

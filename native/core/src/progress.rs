@@ -18,13 +18,38 @@ pub struct Progress {
     fraction: AtomicU64,
     stage: Mutex<&'static str>,
     range: Mutex<(f64, f64)>,
+    /// The shares of the whole that stages divide among themselves.
+    whole: Mutex<(f64, f64)>,
+}
+
+/// A part of the work, see [`Progress::part`] and [`Progress::section`].
+#[derive(Debug)]
+#[must_use]
+pub struct Part<'a> {
+    range: &'a Mutex<(f64, f64)>,
+    before: (f64, f64),
+}
+
+impl<'a> Part<'a> {
+    fn new(range: &'a Mutex<(f64, f64)>, from: f64, to: f64) -> Self {
+        let mut current = lock(range);
+        let before = *current;
+        *current = within(before, from, to);
+        Self { range, before }
+    }
+}
+
+impl Drop for Part<'_> {
+    fn drop(&mut self) {
+        *lock(self.range) = self.before;
+    }
 }
 
 impl Progress {
     /// Nothing done yet, nobody asked to stop.
     #[must_use]
     pub fn new() -> Self {
-        Self { range: Mutex::new((0.0, 1.0)), ..Self::default() }
+        Self { range: Mutex::new((0.0, 1.0)), whole: Mutex::new((0.0, 1.0)), ..Self::default() }
     }
 
     /// Asks the work to stop at its next safe point.
@@ -50,13 +75,25 @@ impl Progress {
         *lock(&self.stage)
     }
 
-    /// Starts a stage that covers the shares `from` to `to` of the whole work.
+    /// Stages that begin while the answer lives divide the shares `from` to `to` among themselves, as
+    /// if these were the whole: work that knows its own stages can be a part of other work.
+    pub fn part(&self, from: f64, to: f64) -> Part<'_> {
+        Part::new(&self.whole, from, to)
+    }
+
+    /// Reports while the answer lives are of the shares `from` to `to` of the current stage.
+    pub fn section(&self, from: f64, to: f64) -> Part<'_> {
+        Part::new(&self.range, from, to)
+    }
+
+    /// Starts a stage that covers the shares `from` to `to` of the whole work, or of the part that
+    /// it belongs to.
     ///
     /// # Errors
     /// [`Cancelled`] when the work was asked to stop.
     pub fn begin(&self, stage: &'static str, from: f64, to: f64) -> Result<(), Cancelled> {
         *lock(&self.stage) = stage;
-        *lock(&self.range) = (from, to);
+        *lock(&self.range) = within(*lock(&self.whole), from, to);
         self.report(0.0)
     }
 
@@ -70,6 +107,12 @@ impl Progress {
         self.fraction.store(fraction.to_bits(), Ordering::Relaxed);
         if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
     }
+}
+
+/// The shares `from` to `to` of a range.
+fn within((low, high): (f64, f64), from: f64, to: f64) -> (f64, f64) {
+    let at = |share: f64| low + (high - low) * share;
+    (at(from), at(to))
 }
 
 /// A watcher that panicked leaves plain values behind, which stay usable.
@@ -87,6 +130,26 @@ mod tests {
         progress.begin("solving", 0.25, 0.75).unwrap();
         progress.report(0.5).unwrap();
         assert_eq!((progress.stage(), progress.fraction()), ("solving", 0.5));
+    }
+
+    #[test]
+    fn stages_of_a_part_cover_their_share_of_the_part() {
+        let progress = Progress::new();
+        {
+            let _outer = progress.part(0.5, 1.0);
+            let _inner = progress.part(0.0, 0.5);
+            progress.begin("binding", 0.5, 1.0).unwrap();
+            assert_eq!(progress.fraction(), 0.625);
+        }
+        progress.begin("writing", 0.75, 1.0).unwrap();
+        assert_eq!(progress.fraction(), 0.75);
+        {
+            let _section = progress.section(0.5, 1.0);
+            progress.report(0.5).unwrap();
+            assert_eq!(progress.fraction(), 0.9375);
+        }
+        progress.report(1.0).unwrap();
+        assert_eq!(progress.fraction(), 1.0);
     }
 
     #[test]

@@ -9,6 +9,8 @@ mod error;
 mod part_choice;
 mod polygons;
 mod submesh;
+#[cfg(test)]
+pub(crate) mod test_surfaces;
 mod topology;
 mod triangle_mesh;
 

@@ -2,6 +2,7 @@
 
 use super::RetargetError;
 use super::bone_rays::{Fan, log_girths, shoot};
+use super::differing_shapes::Difference;
 use super::icp::Surroundings;
 use super::joint_refinement::{Alignment, FitSettings, refine};
 use crate::progress::Progress;
@@ -12,7 +13,7 @@ use crate::skinning::SkinWeights;
 const GIRTH_FAN: Fan<'static> = Fan { stations: &[0.1, 0.3, 0.5, 0.7, 0.9], directions: 8 };
 
 /// Aligns a source with `aligned`, the same bones in the target's rest pose. Returns also how much
-/// the shapes differ, 0 to 1.
+/// the shapes differ.
 ///
 /// # Errors
 /// [`RetargetError`] when the fit fails or was cancelled.
@@ -24,7 +25,7 @@ pub(super) fn align<'a>(
     target: Surroundings<'_>,
     aligned: Skeleton,
     progress: &Progress,
-) -> Result<(Alignment<'a>, f64), RetargetError> {
+) -> Result<(Alignment<'a>, Difference), RetargetError> {
     let bone_count = skeleton.bone_count();
     let zeros = vec![0.0; bone_count];
     let mut alignment = Alignment {

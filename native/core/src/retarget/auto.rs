@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::alignment::align;
 use super::deform::{DeformSettings, Deformer};
-use super::differing_shapes::Differing;
+use super::differing_shapes::{Difference, Differing};
 use super::icp::{IcpSettings, Surroundings, register};
 use super::joint_refinement::Alignment;
 use super::landmarks::check_landmarks;
@@ -34,6 +34,11 @@ const MUST_SHRINK: f64 = 0.5;
 /// or where both have one skeleton and lie within this share: a garment on its wearer.
 const WORN: f64 = 0.01;
 
+/// Share of the progress after which the skeletons are aligned,
+const ALIGNED: f64 = 0.32;
+/// and after which the target is bound to its own skeleton, where it is.
+pub(super) const BOUND: f64 = 0.6;
+
 /// Tests of matches for garments, whose folds, linings and distance say little.
 const WORN_LOOSELY: RejectionSettings =
     RejectionSettings { max_angle: 180.0, max_distance: 0.1, max_depth: 10.0, other_wall: false };
@@ -52,19 +57,21 @@ struct Placed {
     worn: bool,
     /// Automatic landmarks: source vertex, target vertex.
     landmarks: Vec<[u32; 2]>,
-    /// How much source and target differ in shape, 0 to 1.
-    difference: f64,
+    /// How source and target differ in shape, if they do.
+    difference: Option<Difference>,
 }
 
+/// Retargets between skeletons of which `pairs` tells the target bone of each source bone. Where
+/// `binds`, or where shapes differ, the shares of the progress from [`BOUND`] on are left to the caller.
 pub(super) fn retarget(
     (source, source_weights): (Rigged<'_>, &SkinWeights),
     target: Rigged<'_>,
     pairs: &[Option<u32>],
     landmarks: Option<&[[i64; 2]]>,
-    settings: &Settings,
+    (settings, binds): (&Settings, bool),
     progress: &Progress,
 ) -> Result<(Retargeted, Option<Differing>), RetargetError> {
-    progress.begin("Reading the characters", 0.0, 0.1)?;
+    progress.begin("Reading the characters", 0.0, 0.05)?;
     let takes_part = source_weights.used_bones();
     let choice = settings.parts.resolved(target.mesh)?;
     let given = match landmarks {
@@ -83,12 +90,13 @@ pub(super) fn retarget(
     let on_source = |error| mesh_error("source", error);
     let source_query = SurfaceQuery::new(source.mesh).map_err(on_source)?;
     let source_shell = Shell::new(source.mesh, &source_query, progress)?;
+    progress.begin("Reading the characters", 0.05, 0.1)?;
     let target_query = SurfaceQuery::new(target.mesh).map_err(|error| mesh_error("target", error))?;
     let target_shell = Shell::new(target.mesh, &target_query, progress)?;
     let source_surface = Surroundings { mesh: source.mesh, query: &source_query, shell: &source_shell };
     let target_surface = Surroundings { mesh: target.mesh, query: &target_query, shell: &target_shell };
 
-    progress.begin("Aligning the skeletons", 0.1, 0.32)?;
+    progress.begin("Aligning the skeletons", 0.1, ALIGNED)?;
     let given_skeleton = target.skeleton.renumbered(source.skeleton, pairs);
     let (alignment, difference) = align(
         source_surface,
@@ -99,13 +107,15 @@ pub(super) fn retarget(
         given_skeleton.clone(),
         progress,
     )?;
+    let difference = Some(difference).filter(|difference| difference.share > 0.0);
+    let _matching = progress.part(ALIGNED, if binds || difference.is_some() { BOUND } else { 1.0 });
     let warped = warped(&alignment).map_err(on_source)?;
     let warped_query = SurfaceQuery::new(&warped).map_err(on_source)?;
     let warped_surface = Surroundings { mesh: &warped, query: &warped_query, shell: &source_shell };
     let placed = match as_a_whole(&alignment, &warped_query, &given_skeleton, target_surface, progress)? {
         Some((whole, worn)) => {
             let mesh = if user.is_empty() { whole } else { deformed(&whole, &user, None, progress)? };
-            Placed { mesh, worn, landmarks: Vec::new(), difference: 0.0 }
+            Placed { mesh, worn, landmarks: Vec::new(), difference: None }
         }
         None => on_target(&alignment, warped_surface, difference, target_surface, user, progress)?,
     };
@@ -123,8 +133,8 @@ pub(super) fn retarget(
     if let Some(count) = settings.max_influences {
         weights = weights.limited(count);
     }
-    let differing = (placed.difference > 0.0).then(|| Differing {
-        share: placed.difference,
+    let differing = placed.difference.map(|difference| Differing {
+        difference,
         matches: taken.matches,
         origin: taken.origin.clone(),
         parts: taken.parts.clone(),
@@ -157,7 +167,7 @@ fn as_a_whole(
     let of_target = samples(target.mesh, given, |_| Some(0), POINTS);
     let of_source = (alignment.source.mesh.vertices(), of_source.as_slice());
     let of_target = (target.mesh.vertices(), of_target.as_slice());
-    progress.begin("Comparing the surfaces", 0.32, 0.4)?;
+    progress.begin("Comparing the surfaces", 0.0, 0.12)?;
     let (moved, one_skeleton) = similar(of_source, rigs, alignment.takes_part, target, progress)?;
     let whole = weighted_surface(moved, alignment).map_err(on_source)?;
     let whole_query = SurfaceQuery::new(&whole).map_err(on_source)?;
@@ -173,12 +183,12 @@ fn as_a_whole(
 fn on_target(
     alignment: &Alignment<'_>,
     warped: Surroundings<'_>,
-    difference: f64,
+    difference: Option<Difference>,
     target: Surroundings<'_>,
     user: Vec<Constraint>,
     progress: &Progress,
 ) -> Result<Placed, RetargetError> {
-    progress.begin("Finding landmarks", 0.4, 0.45)?;
+    progress.begin("Finding landmarks", 0.12, 0.2)?;
     let found = ray_marks((warped, alignment.weights), target, &alignment.aligned, alignment.takes_part);
     let marks: Vec<Constraint> = user.into_iter().chain(found.iter().map(RayMark::constraint)).collect();
     let mesh = deformed(warped.mesh, &marks, Some(target), progress)?;
@@ -193,10 +203,10 @@ fn deformed(
     progress: &Progress,
 ) -> Result<TriangleMesh, RetargetError> {
     let spectral = |error| spectral_error("source", error);
-    progress.begin("Fitting landmarks", 0.45, 0.55)?;
+    progress.begin("Fitting landmarks", 0.2, 0.35)?;
     let deformer = Deformer::new(mesh, marks).map_err(spectral)?;
     let fitted = deformer.fit(&DeformSettings::default(), progress).map_err(spectral)?;
-    progress.begin("Deforming the surface", 0.55, 0.75)?;
+    progress.begin("Deforming the surface", 0.35, 0.63)?;
     let vertices = match target {
         Some(target) => {
             let settings = IcpSettings::default();

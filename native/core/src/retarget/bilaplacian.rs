@@ -107,8 +107,8 @@ pub fn factor(symbolic: &SymbolicCholesky, matrix: &SymmetricMatrix) -> Result<C
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_surfaces::{icosphere, scaled};
     use super::*;
+    use crate::mesh::test_surfaces::{icosphere, scaled};
 
     fn energy(form: &SymmetricMatrix, u: &[f64]) -> f64 {
         form.mul_vec(u).unwrap().iter().zip(u).map(|(a, b)| a * b).sum()

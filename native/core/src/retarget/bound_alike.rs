@@ -2,18 +2,17 @@
 //! weights best.
 //!
 //! Whoever paints weights begins with some that a program makes from the skeleton, or ends with such
-//! as they would make. Two ways stand for all: heat over the surface ([`super::bone_heat`]) and walks
+//! as they would make. Two ways stand for all: heat over the surface ([`bone_heat`]) and walks
 //! through the volume. The share of each is the one whose mix differs least (L1) from what was
 //! painted on the source; the target is bound by the same mix.
 
 use super::RetargetError;
-use super::bone_heat::bone_heat;
 use super::icp::Surroundings;
-use super::inpaint::{Row, blend, normalized};
 use super::parts::spread;
 use crate::progress::Progress;
-use crate::rig::{BindSettings, Skeleton, bind_weights};
+use crate::rig::{BindSettings, Sides, Skeleton, bind_weights, bone_heat};
 use crate::skinning::SkinWeights;
+use crate::skinning::{Row, blend, row_of};
 
 /// Shares of heat that are tried: multiples of the inverse of this.
 const SHARES: usize = 20;
@@ -44,8 +43,11 @@ pub(super) fn bind_alike(
     progress: &Progress,
 ) -> Result<BoundAlike, RetargetError> {
     let painted: Vec<Row> = (0..weights.vertex_count()).map(|v| row_of(weights, v)).collect();
-    let volumetric = by_volume(source, progress)?;
-    let heat = by_heat(source, Some(&volumetric), progress)?;
+    let (volumetric, heat) = {
+        let _source = progress.part(0.0, 0.5);
+        both(source, progress)?
+    };
+    let _target = progress.part(0.5, 1.0);
     let off = |share: f64| -> f64 {
         let rows = painted.iter().zip(heat.iter().zip(&volumetric)).filter(|(row, _)| !row.is_empty());
         rows.map(|(row, (heat, volumetric))| spread(row, [&mixed(heat, volumetric, share)].into_iter())).sum()
@@ -56,16 +58,22 @@ pub(super) fn bind_alike(
         share if share >= 1.0 => by_heat(target, None, progress)?,
         share if share <= 0.0 => by_volume(target, progress)?,
         share => {
-            let volumetric = by_volume(target, progress)?;
-            mix(&by_heat(target, Some(&volumetric), progress)?, &volumetric, share)
+            let (volumetric, heat) = both(target, progress)?;
+            mix(&heat, &volumetric, share)
         }
     };
     Ok(BoundAlike { source: mix(&heat, &volumetric, share), target: of_target })
 }
 
-/// A row of weights, of sum 1; empty without weights.
-pub(super) fn row_of(weights: &SkinWeights, vertex: usize) -> Row {
-    normalized(weights.entries(vertex).map(|(bone, weight)| (bone, f64::from(weight))).collect())
+/// Rows by volume and by heat.
+fn both(character: Bindable<'_>, progress: &Progress) -> Result<(Vec<Row>, Vec<Row>), RetargetError> {
+    let volumetric = {
+        let _volumetric = progress.part(0.0, 0.7);
+        by_volume(character, progress)?
+    };
+    let _heat = progress.part(0.7, 1.0);
+    let heat = by_heat(character, Some(&volumetric), progress)?;
+    Ok((volumetric, heat))
 }
 
 fn by_volume(character: Bindable<'_>, progress: &Progress) -> Result<Vec<Row>, RetargetError> {
@@ -80,12 +88,23 @@ fn by_heat(
     otherwise: Option<&[Row]>,
     progress: &Progress,
 ) -> Result<Vec<Row>, RetargetError> {
-    progress.begin("Spreading heat", 0.9, 1.0)?;
-    let mut rows = bone_heat(character.surface, character.skeleton, character.takes_part, progress)?;
+    progress.begin("Spreading heat", 0.0, 0.5)?;
+    let Surroundings { mesh, shell, .. } = character.surface;
+    let mut rows = match shell.welded(mesh) {
+        Ok(welded) => {
+            let sides = Sides { side: &shell.side, extent: shell.extent };
+            let warmed = bone_heat(&welded, sides, character.skeleton, character.takes_part, progress)?;
+            shell.stands_for().iter().map(|&v| warmed[v as usize].clone()).collect()
+        }
+        Err(_) => vec![Row::new(); mesh.vertex_count()],
+    };
     if rows.iter().any(Row::is_empty) {
         let made = match otherwise {
             Some(_) => Vec::new(),
-            None => by_volume(character, progress)?,
+            None => {
+                let _volumetric = progress.part(0.5, 1.0);
+                by_volume(character, progress)?
+            }
         };
         let otherwise = otherwise.unwrap_or(&made);
         let cold = rows.iter_mut().zip(otherwise).filter(|(row, _)| row.is_empty());

@@ -239,8 +239,8 @@ impl Deformer {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_surfaces::{icosphere, joined, mapped, permuted, similarity};
     use super::*;
+    use crate::mesh::test_surfaces::{icosphere, joined, mapped, permuted, similarity};
     use glam::{DAffine3, DMat3};
 
     fn fit(mesh: &TriangleMesh, constraints: &[Constraint], settings: &DeformSettings) -> Deformed {

@@ -5,8 +5,9 @@
 //! match is a guess. There the target is bound to its skeleton in the way that explains the source
 //! best ([`super::bound_alike`]), and takes over from the source what that way does not explain: the
 //! difference of the source's weights from its own bind, as far as the match is to be trusted. It is,
-//! where it was accepted, and the less the farther the two binds are apart there: they say whether
-//! both are the same place of the body.
+//! where it was accepted, and the less the farther the two binds are apart there, which say whether
+//! both are the same place of the body, and the more the shapes differ.
+//! A garment has no inside for its bones, and no bind says anything of it: there the match decides.
 //!
 //! How far apart the shapes are is measured after the alignment: the distance left between the
 //! surfaces relative to the limb's radius, as is usual for the bones of the pair.
@@ -15,9 +16,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::bone_rays::median;
-use super::bound_alike::{Bindable, bind_alike, row_of};
+use super::bound_alike::{Bindable, bind_alike};
 use super::icp::Surroundings;
-use super::inpaint::{Row, blend, normalized};
 use super::joint_refinement::Alignment;
 use super::joint_system::largest_bone;
 use super::part_shapes::{PartShape, part_shapes};
@@ -31,11 +31,15 @@ use crate::mesh::{Adjacency, Submesh, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::rig::{BoneMap, Skeleton, distance_to_segment};
 use crate::skinning::SkinWeights;
+use crate::skinning::row_of;
+use crate::skinning::{Row, blend, normalized};
 
 /// Distance left, relative to the radius, up to which shapes are alike,
 const ALIKE: f64 = 0.07;
 /// and from which on they differ altogether.
 const DIFFERENT: f64 = 0.09;
+/// From here on no match is trusted.
+const DOUBTED: f64 = 0.18;
 /// Where along a bone to look whether it is inside of a part.
 const LOOKS: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 /// A bone is connected to its parent where it begins this near to the parent's end, in the parent's lengths.
@@ -43,11 +47,24 @@ const CONNECTED: f64 = 0.01;
 /// Edges from the border of the matched surface over which trust in matches grows.
 const TRUST_GROWS: usize = 4;
 
-/// How much the shapes of a pair differ, 0 to 1.
+/// How much the shapes of a pair differ.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Difference {
+    /// From 0, alike, to 1.
+    pub(super) share: f64,
+    /// Trust in matches, 0 to 1.
+    trust: f64,
+}
+
+/// How much the shapes of a pair differ.
 ///
 /// `points` are the warped source vertices, `distances` what separates each from the target where
 /// it met it.
-pub(super) fn difference(alignment: &Alignment<'_>, points: &[DVec3], distances: &[Option<f64>]) -> f64 {
+pub(super) fn difference(
+    alignment: &Alignment<'_>,
+    points: &[DVec3],
+    distances: &[Option<f64>],
+) -> Difference {
     let bone_count = alignment.takes_part.len();
     let (mut left, mut radius) = (vec![Vec::new(); bone_count], vec![Vec::new(); bone_count]);
     for (vertex, (&point, distance)) in points.iter().zip(distances).enumerate() {
@@ -63,14 +80,19 @@ pub(super) fn difference(alignment: &Alignment<'_>, points: &[DVec3], distances:
         .zip(radius)
         .filter_map(|(left, radius)| Some(median(left)? / median(radius).filter(|r| *r > 0.0)?));
     let usual = median(relative.collect()).unwrap_or(0.0);
-    let t = ((usual - ALIKE) / (DIFFERENT - ALIKE)).clamp(0.0, 1.0);
+    Difference { share: step(ALIKE, DIFFERENT, usual), trust: 1.0 - step(DIFFERENT, DOUBTED, usual) }
+}
+
+/// Smooth step from 0 at `from` to 1 at `to`.
+fn step(from: f64, to: f64, value: f64) -> f64 {
+    let t = ((value - from) / (to - from)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
 /// What a retarget knows of two characters whose shapes differ.
 pub(super) struct Differing {
-    /// How much they differ, above 0.
-    pub(super) share: f64,
+    /// How much, above 0.
+    pub(super) difference: Difference,
     /// Where each target vertex lies on the source: vertices and their shares.
     pub(super) matches: Vec<([u32; 3], [f64; 3])>,
     pub(super) origin: Vec<Origin>,
@@ -94,7 +116,8 @@ pub(super) struct Side<'a> {
 }
 
 impl Differing {
-    /// Weights of the target over its own bones, from those that its matches gave it.
+    /// Weights of the target over its own bones, from those that its matches gave it; none where most
+    /// bones lie outside of the target: a garment, which no skeleton can bind, has its matches alone.
     ///
     /// # Errors
     /// [`RetargetError`] where a character cannot be bound, and for cancelled work.
@@ -103,9 +126,9 @@ impl Differing {
         source: Side<'_>,
         target: Side<'_>,
         bone_map: &BoneMap,
-        unclaimed: Option<&Unclaimed>,
+        unclaimed: Option<&Unclaimed<'_>>,
         progress: &Progress,
-    ) -> Result<SkinWeights, RetargetError> {
+    ) -> Result<Option<SkinWeights>, RetargetError> {
         let used = source.weights.used_bones();
         let mut takes_part = vec![false; target.skeleton.bone_count()];
         for bone in (0..used.len()).filter(|&bone| used[bone]) {
@@ -114,6 +137,9 @@ impl Differing {
         }
         if let Some(unclaimed) = unclaimed {
             unclaimed.bones().for_each(|bone| takes_part[bone as usize] = true);
+        }
+        if !is_body(target, &takes_part) {
+            return Ok(None);
         }
         let surface = |mesh, (query, shell)| Surroundings { mesh, query, shell };
         let from = surface(source.mesh, (&self.source.0, &self.source.1));
@@ -125,7 +151,7 @@ impl Differing {
             progress,
         )?;
         let divided = |weights: SkinWeights| match unclaimed {
-            Some(unclaimed) => unclaimed.share(&weights, &bound.target),
+            Some(unclaimed) => unclaimed.share(&weights, &bound.target, target.mesh.vertices()),
             None => weights,
         };
         let matched = divided(target.weights.clone());
@@ -137,18 +163,21 @@ impl Differing {
         let trust = self.trust(to);
         let row = |v: usize| {
             let (own, bound, at_match) = (row_of(&matched, v), &bound.target[v], row_of(&at_match, v));
-            let trust = trust[v] * (1.0 - 0.5 * spread(bound, [&at_match].into_iter()).min(2.0));
+            let trust = self.difference.trust
+                * trust[v]
+                * (1.0 - 0.5 * spread(bound, [&at_match].into_iter()).min(2.0));
             let explained = [(bound, 1.0), (&own, trust), (&at_match, -trust)];
             (own.clone(), normalized(blend(explained.into_iter())))
         };
         let rows: Vec<(Row, Row)> = (0..self.matches.len()).into_par_iter().map(row).collect();
         let (own, mut handed): (Vec<Row>, Vec<Row>) = rows.into_iter().unzip();
         self.keep_parts(target, &takes_part, &own, &mut handed);
+        let share = self.difference.share;
         let mixed = own
             .iter()
             .zip(&handed)
-            .map(|(own, handed)| blend([(own, 1.0 - self.share), (handed, self.share)].into_iter()));
-        Ok(SkinWeights::from_rows(mixed, target.skeleton.bone_count()))
+            .map(|(own, handed)| blend([(own, 1.0 - share), (handed, share)].into_iter()));
+        Ok(Some(SkinWeights::from_rows(mixed, target.skeleton.bone_count())))
     }
 
     /// Trust in the match of each vertex (V), 0 to 1: it grows from the border of the matched
@@ -192,6 +221,20 @@ impl Differing {
             }
         }
     }
+}
+
+/// Whether a target encloses at least half of the bones that take part.
+fn is_body(target: Side<'_>, takes_part: &[bool]) -> bool {
+    let inside = WindingNumber::new(target.mesh);
+    let (heads, tails) = (target.skeleton.heads(), target.skeleton.tails());
+    let (mut looks, mut held) = (0, 0);
+    for bone in (0..takes_part.len()).filter(|&bone| takes_part[bone]) {
+        for share in LOOKS {
+            looks += 1;
+            held += usize::from(inside.at(heads[bone].lerp(tails[bone], share)).abs() > 0.5);
+        }
+    }
+    2 * held >= looks
 }
 
 /// The inside of some vertices' own triangles; none without triangles.

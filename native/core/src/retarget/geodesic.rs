@@ -103,8 +103,8 @@ impl Ball {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_surfaces::{grid, tube};
     use super::*;
+    use crate::mesh::test_surfaces::{grid, tube};
 
     #[test]
     fn follows_the_surface() {

@@ -8,9 +8,9 @@
 use glam::DVec3;
 
 use super::deform::{Deformed, Deformer};
-use super::parallel::map_indices;
 use super::shell::{Shell, median, tie_break};
 use crate::mesh::{ClosestPoint, SurfaceQuery, TriangleMesh};
+use crate::parallel::map_indices;
 use crate::progress::Progress;
 use crate::spectral::SpectralError;
 
@@ -84,7 +84,11 @@ pub fn register(
     let mut vertices = start.vertices.clone();
     let mut pulled = vec![false; vertices.len()];
     let mut current = TriangleMesh::new(vertices.clone(), triangles.to_vec())?;
-    let shell = Shell::new(&current, &SurfaceQuery::new(&current)?, progress)?;
+    let shell = {
+        let _first = progress.section(0.0, 0.2);
+        Shell::new(&current, &SurfaceQuery::new(&current)?, progress)?
+    };
+    let _rest = progress.section(0.2, 1.0);
     let rounds = settings.smoothing_lengths.len();
     for (round, length) in settings.smoothing_lengths.iter().enumerate() {
         let shares = [round, round + 1].map(|r| r as f64 / rounds.max(1) as f64);
@@ -159,8 +163,8 @@ fn closest(
 #[cfg(test)]
 mod tests {
     use super::super::deform::{Anchor, Constraint, DeformSettings};
-    use super::super::test_surfaces::{icosphere, joined, mapped, permuted, similarity};
     use super::*;
+    use crate::mesh::test_surfaces::{icosphere, joined, mapped, permuted, similarity};
 
     fn run(source: &TriangleMesh, target: &TriangleMesh, constraints: &[Constraint]) -> Registered {
         let progress = Progress::new();

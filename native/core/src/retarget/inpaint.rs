@@ -12,10 +12,8 @@ use super::bilaplacian::{Bilaplacian, factor};
 use crate::linalg::SymbolicCholesky;
 use crate::mesh::{Adjacency, TriangleMesh};
 use crate::progress::Progress;
+use crate::skinning::{Row, blend, normalized};
 use crate::spectral::SpectralError;
-
-/// A weight row: `(bone, weight)`, bones ascending.
-pub type Row = Vec<(u32, f64)>;
 
 /// Weights below this are dropped from filled rows.
 const NEGLIGIBLE: f64 = 1e-5;
@@ -228,33 +226,10 @@ fn mean<'a>(rows: impl Iterator<Item = &'a Row>) -> Row {
     normalized(blend(rows.map(|row| (row, 1.0))))
 }
 
-/// Sum of rows with factors.
-pub(super) fn blend<'a>(rows: impl Iterator<Item = (&'a Row, f64)>) -> Row {
-    let mut entries: Row = rows
-        .flat_map(|(row, factor)| row.iter().map(move |&(bone, weight)| (bone, factor * weight)))
-        .collect();
-    entries.sort_by_key(|entry| entry.0);
-    entries
-        .chunk_by(|a, b| a.0 == b.0)
-        .map(|run| (run[0].0, run.iter().map(|entry| entry.1).sum()))
-        .filter(|entry| entry.1 > 0.0)
-        .collect()
-}
-
-/// The row scaled to a sum of 1; empty if it has no weight.
-pub(super) fn normalized(mut row: Row) -> Row {
-    let total: f64 = row.iter().map(|entry| entry.1).sum();
-    if total <= 0.0 {
-        return Row::new();
-    }
-    row.iter_mut().for_each(|entry| entry.1 /= total);
-    row
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::test_surfaces::{grid, icosphere, joined, mapped, permuted, similarity, tube};
     use super::*;
+    use crate::mesh::test_surfaces::{grid, icosphere, joined, mapped, permuted, similarity, tube};
 
     const UNSMOOTHED: InpaintSettings = InpaintSettings { smoothing_rounds: 0 };
 

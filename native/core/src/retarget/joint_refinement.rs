@@ -11,12 +11,12 @@
 use glam::DVec3;
 
 use super::RetargetError;
-use super::differing_shapes::difference;
+use super::differing_shapes::{Difference, difference};
 use super::icp::Surroundings;
 use super::joint_system::{self, Meeting, Trust, Unknowns, largest_bone, typical_distances};
-use super::parallel::map_indices;
 use super::surface_sample::{Sample, samples};
 use super::warp::Warp;
+use crate::parallel::map_indices;
 use crate::progress::Progress;
 use crate::rig::Skeleton;
 use crate::skinning::SkinWeights;
@@ -72,7 +72,7 @@ impl Alignment<'_> {
 }
 
 /// Fits the alignment to the target's surface, whose size is `extent`. Returns how much
-/// the shapes differ, see [`difference`].
+/// the shapes differ.
 ///
 /// # Errors
 /// [`RetargetError::Cancelled`], [`RetargetError::Linalg`].
@@ -82,7 +82,7 @@ pub(super) fn refine(
     extent: f64,
     settings: &FitSettings,
     progress: &Progress,
-) -> Result<f64, RetargetError> {
+) -> Result<Difference, RetargetError> {
     let unknowns = Unknowns::new(alignment.skeleton, &alignment.aligned, alignment.takes_part, extent);
     let given = (alignment.aligned.clone(), alignment.log_girths.clone());
     let points = PointsThatMeet::new(alignment);

@@ -2,15 +2,16 @@
 //! rest positions, weights are found for it, and then go over the bone map to the target's bones.
 //! Target bones that no source bone stands for get their share last.
 
-use super::bound_alike::row_of;
+use super::auto::BOUND;
 use super::differing_shapes::{Differing, Side};
-use super::inpaint::Row;
 use super::unclaimed::Unclaimed;
 use super::{Character, Method, RetargetError, Retargeted, Settings, by_method, check_counts, pair_bones};
 use crate::mesh::TriangleMesh;
 use crate::progress::Progress;
 use crate::rig::{BindSettings, BoneMap, Skeleton, bind_weights, map_bones};
+use crate::skinning::Row;
 use crate::skinning::SkinWeights;
+use crate::skinning::row_of;
 
 /// Gives the target the weights of the source.
 ///
@@ -29,14 +30,14 @@ pub fn retarget_weights(
     progress: &Progress,
 ) -> Result<Retargeted, RetargetError> {
     check_counts(source, source_weights)?;
-    let by_method = |target, pairs: Option<&[_]>, settings: &Settings| {
-        by_method((source, source_weights), target, pairs, landmarks, settings, progress)
+    let by_method = |target, pairs: Option<&[_]>, settings: &Settings, binds: bool| {
+        by_method((source, source_weights), target, pairs, landmarks, (settings, binds), progress)
     };
     let (Some(from), Some(to)) = (source.skeleton, target.skeleton) else {
         return if bone_map.is_some() {
             Err(RetargetError::MapWithoutSkeletons)
         } else {
-            by_method(target, None, settings).map(|found| found.0)
+            by_method(target, None, settings, false).map(|found| found.0)
         };
     };
     let found;
@@ -47,15 +48,16 @@ pub fn retarget_weights(
             &found
         }
     };
+    let binds = unclaimed(bone_map, &vec![true; to.bone_count()], to).is_some();
     // A limit is of influences of the target's bones.
     let unlimited = Settings { max_influences: None, ..settings.clone() };
     let (mut result, differing) = match pairs_that_agree(bone_map, &source_weights.used_bones(), from, to) {
-        Some(pairs) => by_method(target, Some(&pairs), &unlimited)?,
+        Some(pairs) => by_method(target, Some(&pairs), &unlimited, binds)?,
         None => {
             let aligned = bone_map.aligned_skeleton(from, to)?;
             let pairs: Vec<Option<u32>> = (0..from.bone_count() as u32).map(Some).collect();
             let aligned = Character { skeleton: Some(&aligned), ..target };
-            let (result, differing) = by_method(aligned, Some(&pairs), &unlimited)?;
+            let (result, differing) = by_method(aligned, Some(&pairs), &unlimited, binds)?;
             let weights = bone_map.transfer(&result.weights, target.mesh.vertices(), to)?;
             (Retargeted { weights, ..result }, differing)
         }
@@ -65,6 +67,7 @@ pub fn retarget_weights(
             (Side { mesh: source.mesh, skeleton: from, weights: source_weights }, target.mesh, to);
         result.weights = on_own_bones(result.weights, characters, bone_map, differing, progress)?;
     }
+    progress.begin("Limiting influences", 1.0, 1.0)?;
     if let Some(count) = settings.max_influences {
         result.weights = result.weights.limited(count);
     }
@@ -81,20 +84,26 @@ fn on_own_bones(
     progress: &Progress,
 ) -> Result<SkinWeights, RetargetError> {
     let mut used = weights.used_bones();
-    let unclaimed = |used: &[bool]| match bone_map.is_by_hand() {
-        true => None,
-        false => Unclaimed::new(bone_map, used, skeleton),
-    };
+    let unclaimed = unclaimed(bone_map, &used, skeleton);
+    let _binding = progress.part(BOUND, 1.0);
     if let Some(differing) = differing {
         let target = Side { mesh, skeleton, weights: &weights };
-        return differing.hand_over(source, target, bone_map, unclaimed(&used).as_ref(), progress);
+        let handed = differing.hand_over(source, target, bone_map, unclaimed.as_ref(), progress)?;
+        if let Some(weights) = handed {
+            return Ok(weights);
+        }
     }
-    let Some(unclaimed) = unclaimed(&used) else { return Ok(weights) };
+    let Some(unclaimed) = unclaimed else { return Ok(weights) };
     unclaimed.bones().for_each(|bone| used[bone as usize] = true);
     let settings = BindSettings { bones: Some(used), ..BindSettings::default() };
     let alone = bind_weights(mesh, skeleton, &settings, progress)?;
     let alone: Vec<Row> = (0..alone.vertex_count()).map(|v| row_of(&alone, v)).collect();
-    Ok(unclaimed.share(&weights, &alone))
+    Ok(unclaimed.share(&weights, &alone, mesh.vertices()))
+}
+
+/// The bones that only the target has; none by a map made by hand.
+fn unclaimed<'a>(bone_map: &BoneMap, used: &[bool], skeleton: &'a Skeleton) -> Option<Unclaimed<'a>> {
+    if bone_map.is_by_hand() { None } else { Unclaimed::new(bone_map, used, skeleton) }
 }
 
 /// The pairs of equal names (or order, without names), if a map says nothing else as far as weights go.

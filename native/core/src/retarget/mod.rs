@@ -4,7 +4,6 @@ mod alignment;
 mod auto;
 pub mod bilaplacian;
 mod body;
-mod bone_heat;
 mod bone_rays;
 mod bone_rotations;
 mod bones;
@@ -24,7 +23,6 @@ mod mapped;
 mod marks;
 mod matching;
 mod paper;
-mod parallel;
 pub mod part_shapes;
 pub mod part_weights;
 pub mod parts;
@@ -37,8 +35,6 @@ mod shepard;
 mod similarity;
 mod surface_sample;
 mod surface_weights;
-#[cfg(test)]
-mod test_surfaces;
 mod unclaimed;
 mod warp;
 
@@ -129,20 +125,21 @@ pub struct Retargeted {
 
 /// Retargets between skeletons of which `pairs` tells the target bone of each source bone; every
 /// weighted one has a partner. `None` where a skeleton is missing. Returns also what the target's own
-/// skeleton should know where shapes differ.
+/// skeleton should know where shapes differ. `binds` says that the target will be bound to its skeleton
+/// in any case.
 fn by_method(
     (source, source_weights): (Character<'_>, &SkinWeights),
     target: Character<'_>,
     pairs: Option<&[Option<u32>]>,
     landmarks: Option<&[[i64; 2]]>,
-    settings: &Settings,
+    (settings, binds): (&Settings, bool),
     progress: &Progress,
 ) -> Result<(Retargeted, Option<Differing>), RetargetError> {
     match (settings.method, source.skeleton, target.skeleton, pairs) {
         (Method::Auto, Some(from), Some(to), Some(pairs)) => {
             let source = auto::Rigged { mesh: source.mesh, skeleton: from };
             let target = auto::Rigged { mesh: target.mesh, skeleton: to };
-            auto::retarget((source, source_weights), target, pairs, landmarks, settings, progress)
+            auto::retarget((source, source_weights), target, pairs, landmarks, (settings, binds), progress)
         }
         _ if settings.parts != PartChoice::default() => Err(RetargetError::PartsByPaper),
         _ => {

@@ -113,8 +113,8 @@ fn shape(mesh: &TriangleMesh, vertices: Vec<u32>, faces: &[u32], closed: bool) -
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_surfaces::{grid, icosphere, joined, mapped, similarity};
     use super::*;
+    use crate::mesh::test_surfaces::{grid, icosphere, joined, mapped, similarity};
 
     #[test]
     fn measures_parts() {

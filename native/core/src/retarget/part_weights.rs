@@ -3,12 +3,13 @@
 
 use rayon::prelude::*;
 
-use super::inpaint::{InpaintSettings, Row, blend, inpaint, normalized};
+use super::inpaint::{InpaintSettings, inpaint};
 use super::loose_parts::follow;
 use super::parts::{MATCHED, Part, PartPolicy, SourceWeights, mean_row};
 use super::shell::{extent, tie_break};
 use crate::mesh::{MeshError, Submesh, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
+use crate::skinning::{Row, blend, normalized};
 use crate::spectral::SpectralError;
 
 /// Weights of the whole target.
@@ -187,9 +188,9 @@ mod tests {
     use super::super::icp::Surroundings;
     use super::super::parts::{plan_parts, spread};
     use super::super::shell::Shell;
-    use super::super::test_surfaces::{grid, icosphere, joined, mapped, permuted, similarity, tube};
     use super::*;
     use crate::mesh::PartChoice;
+    use crate::mesh::test_surfaces::{grid, icosphere, joined, mapped, permuted, similarity, tube};
     use glam::{DAffine3, DVec3};
 
     /// A limb along z with two bones that blend around its middle.

@@ -8,11 +8,11 @@
 use rayon::prelude::*;
 
 use super::icp::Surroundings;
-use super::inpaint::{Row, blend, normalized};
 use super::loose_parts::follow;
 use super::part_shapes::{PartShape, part_shapes};
 use super::shell::extent;
 use crate::mesh::{ResolvedChoice, TriangleMesh};
+use crate::skinning::{Row, blend, normalized};
 
 /// A part longer than this share of the target is large: a body or a garment.
 const LARGE: f64 = 0.25;

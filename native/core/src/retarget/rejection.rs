@@ -10,8 +10,8 @@ use glam::DVec3;
 
 use super::geodesic::{Ball, joined_by_two_edges};
 use super::icp::Surroundings;
-use super::parallel::map_indices;
 use crate::mesh::{Adjacency, ClosestPoint, MeshError, TriangleMesh};
+use crate::parallel::map_indices;
 use crate::progress::Progress;
 use crate::spectral::SpectralError;
 
@@ -314,9 +314,9 @@ impl Neighbours {
 #[cfg(test)]
 mod tests {
     use super::super::shell::Shell;
-    use super::super::test_surfaces::{icosphere, joined, mapped, permuted, similarity, tube};
     use super::*;
     use crate::mesh::SurfaceQuery;
+    use crate::mesh::test_surfaces::{icosphere, joined, mapped, permuted, similarity, tube};
 
     fn run(source: &TriangleMesh, target: &TriangleMesh) -> Vec<SurfaceMatch> {
         let progress = Progress::new();

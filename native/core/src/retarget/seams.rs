@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use super::inpaint::{Row, blend, normalized};
 use crate::mesh::TriangleMesh;
+use crate::skinning::{Row, blend, normalized};
 
 /// One object: its surface in world space and the weights of its vertices.
 #[derive(Debug)]
@@ -87,8 +87,8 @@ fn groups(places: &[(DVec3, usize, u32)], tolerance: f64) -> Vec<Vec<usize>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_surfaces::{grid, mapped};
     use super::*;
+    use crate::mesh::test_surfaces::{grid, mapped};
 
     fn rows(mesh: &TriangleMesh, bone: u32) -> Vec<Row> {
         mesh.vertices().iter().map(|p| vec![(bone, 1.0 + p.y), (9, 1.0)]).map(normalized).collect()

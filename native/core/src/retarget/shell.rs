@@ -8,8 +8,8 @@ use std::collections::HashSet;
 
 use glam::DVec3;
 
-use super::parallel::map_indices;
 use crate::mesh::{Adjacency, ClosestPoint, MeshError, SurfaceQuery, TriangleMesh, weld_seams};
+use crate::parallel::map_indices;
 use crate::progress::{Cancelled, Progress};
 
 /// A piece is thin where its median thickness is below this share of the extent.
@@ -236,8 +236,8 @@ pub(super) fn median(mut values: Vec<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_surfaces::{grid, icosphere, joined, mapped, similarity, tube};
     use super::*;
+    use crate::mesh::test_surfaces::{grid, icosphere, joined, mapped, similarity, tube};
 
     fn shell(mesh: &TriangleMesh) -> Shell {
         Shell::new(mesh, &SurfaceQuery::new(mesh).unwrap(), &Progress::new()).unwrap()

@@ -5,11 +5,11 @@
 use glam::DVec3;
 
 use super::icp::Surroundings;
-use super::parallel::map_indices;
 use super::rigid_fit::rigid_fit;
 use super::shell::median;
 use super::surface_sample::Sample;
 use crate::mesh::SurfaceQuery;
+use crate::parallel::map_indices;
 use crate::progress::{Cancelled, Progress};
 use crate::rig::Skeleton;
 
@@ -109,8 +109,8 @@ pub(super) fn distance_to(
 #[cfg(test)]
 mod tests {
     use super::super::shell::Shell;
-    use super::super::test_surfaces::{mapped, similarity, tube};
     use super::*;
+    use crate::mesh::test_surfaces::{mapped, similarity, tube};
 
     #[test]
     fn joints_that_agree_tell_the_place_and_others_are_corrected() {

@@ -114,8 +114,8 @@ fn frame(skeleton: &Skeleton) -> (DVec3, DMat3) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_surfaces::{mapped, permuted, similarity, tube};
     use super::*;
+    use crate::mesh::test_surfaces::{mapped, permuted, similarity, tube};
 
     fn limb() -> (TriangleMesh, Skeleton) {
         let ends = [DVec3::ZERO, DVec3::new(0.1, 0.0, 1.5), DVec3::new(0.0, 0.2, 3.0)];

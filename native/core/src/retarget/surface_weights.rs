@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::auto::{mesh_error, spectral_error};
 use super::differing_shapes::on_vertices;
 use super::icp::Surroundings;
-use super::inpaint::{InpaintSettings, Row};
+use super::inpaint::InpaintSettings;
 use super::part_weights::{PartWeights, weigh_parts};
 use super::parts::{Part, PartPolicy, SourceWeights, plan_parts};
 use super::rejection::{RejectionSettings, SurfaceMatch, match_surfaces};
@@ -17,6 +17,7 @@ use super::shell::{Shell, tie_break};
 use super::{Origin, RetargetError};
 use crate::mesh::{ResolvedChoice, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
+use crate::skinning::Row;
 use crate::skinning::SkinWeights;
 
 /// Inpainting reaches this far from accepted matches, as a share of the extent.
@@ -46,12 +47,18 @@ pub(super) fn take_over(
     choice: &ResolvedChoice<PartPolicy>,
     progress: &Progress,
 ) -> Result<TakenOver, RetargetError> {
-    progress.begin("Matching surfaces", 0.75, 0.9)?;
+    progress.begin("Matching surfaces", 0.63, 0.85)?;
     let query = SurfaceQuery::new(source).map_err(|error| mesh_error("source", error))?;
-    let shell = Shell::new(source, &query, progress)?;
+    let shell = {
+        let _first = progress.section(0.0, 0.3);
+        Shell::new(source, &query, progress)?
+    };
     let surface = Surroundings { mesh: source, query: &query, shell: &shell };
     let spectral = |error| spectral_error("target", error);
-    let matches = match_surfaces(surface, target, tests, progress).map_err(spectral)?;
+    let matches = {
+        let _rest = progress.section(0.3, 1.0);
+        match_surfaces(surface, target, tests, progress).map_err(spectral)?
+    };
     let accepted: Vec<bool> = matches.iter().map(|found| found.accepted).collect();
     let depth = FAR_FROM_MATCHES * target.shell.extent;
     let far = far_from_matches(target.mesh.vertices(), &accepted, depth);
@@ -64,13 +71,13 @@ pub(super) fn take_over(
             Some(other) => {
                 let [own, other] =
                     [(found.triangle, found.barycentric), other].map(|place| blend(place, source, weights));
-                super::inpaint::blend([(&own, 0.5), (&other, 0.5)].into_iter())
+                crate::skinning::blend([(&own, 0.5), (&other, 0.5)].into_iter())
             }
             None => blend((found.triangle, found.barycentric), source, weights),
         })
         .collect();
 
-    progress.begin("Filling weights", 0.9, 1.0)?;
+    progress.begin("Filling weights", 0.85, 1.0)?;
     let source_rows: Vec<Row> = (0..source.vertex_count())
         .map(|v| weights.entries(v).map(|(bone, weight)| (bone, f64::from(weight))).collect())
         .collect();

@@ -9,7 +9,7 @@ mod regions;
 mod segment;
 mod skeleton;
 
-pub use bind::BindPartPolicy;
+pub use bind::{BindPartPolicy, Sides, bone_heat};
 pub use bind_paper::bind_weights_paper;
 pub use bind_weights::{BindError, BindMethod, BindSettings, ProtectedWeights, bind_weights};
 pub use bone_map::{BoneMap, BoneMapError, How, map_bones};

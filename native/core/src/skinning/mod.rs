@@ -8,6 +8,7 @@ mod dual_quaternion;
 mod error;
 mod linear;
 mod rest_space;
+mod row;
 mod stretched_space;
 mod weights;
 
@@ -16,5 +17,6 @@ pub use dual_quaternion::{DualQuaternion, DualQuaternionBlend, dual_quaternion_s
 pub use error::SkinningError;
 pub use linear::{blended_matrix, linear_blend_skinning};
 pub use rest_space::{RestSpaceOffsets, to_rest_space};
+pub use row::{Row, blend, normalized, row_of};
 pub use stretched_space::StretchedSpace;
 pub use weights::{SkinWeights, WeightsError};

@@ -8,9 +8,10 @@
 use crate::linalg::{Cholesky, LinalgError, SymbolicCholesky};
 use crate::mesh::TriangleMesh;
 use crate::progress::{Cancelled, Progress};
+use crate::skinning::{Row, normalized};
 use crate::spectral::Laplacian;
 
-use super::labels::{Labels, Row, scale_to_one};
+use super::labels::Labels;
 
 /// Width of the falloff: k, in squared distances to the bone.
 const WIDTH: f64 = 0.1;
@@ -62,10 +63,7 @@ pub(super) fn smoothed(
         progress.report(0.5 + 0.5 * (batch + 1) as f64 / bones.len().div_ceil(COLUMNS) as f64)?;
     }
     for (row, label) in rows.iter_mut().zip(labels.rows) {
-        if row.is_empty() {
-            *row = label;
-        }
-        scale_to_one(row);
+        *row = normalized(if row.is_empty() { label } else { std::mem::take(row) });
     }
     Ok(rows)
 }

@@ -7,6 +7,7 @@ use super::body::Body;
 use super::sources::Source;
 use crate::cage::LatticeCage;
 use crate::rig::distance_to_segment;
+use crate::skinning::{Row, normalized};
 
 /// How much nearness counts beside the chance to be met first.
 const NEARNESS: f64 = 3.0;
@@ -24,9 +25,6 @@ const DETOUR_CELLS: f64 = 1.0;
 const EXCESS_CELLS: f64 = 0.5;
 /// Shares below this are left out.
 const SMALLEST_SHARE: f64 = 1e-6;
-
-/// Shares of a vertex: `(bone, share)`, bones ascending, sum 1.
-pub(super) type Row = Vec<(u32, f64)>;
 
 /// What is known of each vertex before smoothing.
 pub(super) struct Labels {
@@ -96,18 +94,9 @@ fn through(path: f64, straight: f64, cell: f64) -> f64 {
 fn shares(mut scores: Row) -> Row {
     let best = scores.iter().map(|entry| entry.1).fold(f64::NEG_INFINITY, f64::max);
     scores.iter_mut().for_each(|entry| entry.1 = (entry.1 - best).exp());
-    scale_to_one(&mut scores);
-    scores.retain(|entry| entry.1 >= SMALLEST_SHARE);
-    scale_to_one(&mut scores);
-    scores
-}
-
-/// Scales a row to a sum of 1, if it has any share.
-pub(super) fn scale_to_one(row: &mut Row) {
-    let total: f64 = row.iter().map(|entry| entry.1).sum();
-    if total > 0.0 {
-        row.iter_mut().for_each(|entry| entry.1 /= total);
-    }
+    let mut shares = normalized(scores);
+    shares.retain(|entry| entry.1 >= SMALLEST_SHARE);
+    normalized(shares)
 }
 
 #[cfg(test)]

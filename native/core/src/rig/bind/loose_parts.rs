@@ -6,9 +6,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::body::Body;
-use super::labels::{Row, scale_to_one};
 use crate::mesh::{ClosestPoint, ResolvedChoice, Submesh, SurfaceQuery};
 use crate::rig::distance_to_segment;
+use crate::skinning::{Row, blend, normalized};
 
 /// A component whose bounds have a diagonal below this share of the character moves as one.
 const SMALL: f64 = 0.03;
@@ -131,17 +131,7 @@ fn mean<'a>(rows: impl Iterator<Item = &'a Row>) -> Row {
 }
 
 fn weighted<'a>(rows: impl Iterator<Item = (&'a Row, f64)>) -> Row {
-    let mut sum = Row::new();
-    for (row, share) in rows.filter(|(_, share)| *share > 0.0) {
-        for &(bone, weight) in row {
-            match sum.binary_search_by_key(&bone, |entry| entry.0) {
-                Ok(entry) => sum[entry].1 += share * weight,
-                Err(entry) => sum.insert(entry, (bone, share * weight)),
-            }
-        }
-    }
-    scale_to_one(&mut sum);
-    sum
+    normalized(blend(rows.filter(|(_, share)| *share > 0.0)))
 }
 
 /// The bone whose segment is nearest through the air, where there is no surface to follow.

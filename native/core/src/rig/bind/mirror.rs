@@ -7,9 +7,9 @@
 use glam::DVec3;
 
 use super::body::Body;
-use super::labels::{Row, scale_to_one};
 use super::skeleton_length;
 use crate::rig::Skeleton;
+use crate::skinning::{Row, normalized};
 
 /// A bone's mirror image may miss its partner by this share of the skeleton's length.
 const TOLERANCE: f64 = 0.01;
@@ -68,10 +68,9 @@ pub(super) fn keep_sides(body: &Body, rows: &mut [Row], skeleton: &Skeleton, tak
             sides[bone as usize].map_or(1.0, |side| share(side.sign * side.plane.height(vertex) / side.width))
         };
         let faded = row.iter().map(|&(bone, weight)| (bone, weight * share(bone)));
-        let mut faded: Row = faded.filter(|entry| entry.1 > 0.0).collect();
+        let faded: Row = faded.filter(|entry| entry.1 > 0.0).collect();
         if faded.iter().map(|entry| entry.1).sum::<f64>() > SMALLEST_REST {
-            scale_to_one(&mut faded);
-            *row = faded;
+            *row = normalized(faded);
         }
     }
 }

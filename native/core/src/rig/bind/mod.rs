@@ -19,6 +19,7 @@ mod body;
 mod falloff;
 mod first_met;
 mod geodesic;
+mod heat;
 mod labels;
 mod limit;
 mod loose_parts;
@@ -30,14 +31,15 @@ use glam::DVec3;
 use crate::mesh::{ResolvedChoice, TriangleMesh};
 use crate::progress::{Cancelled, Progress};
 use crate::rig::Skeleton;
-use crate::skinning::SkinWeights;
+use crate::skinning::{Row, SkinWeights};
 
+pub use heat::{Sides, bone_heat};
 pub(super) use limit::limit_influences;
 pub use loose_parts::BindPartPolicy;
 pub(super) use mirror::{Plane, mirror_plane};
 
 use body::Body;
-use labels::{Labels, Row};
+use labels::Labels;
 
 /// Weights (V×B) of a mesh for the bones (B) that `takes_part` marks, at least one of them. Every
 /// row sums to 1.

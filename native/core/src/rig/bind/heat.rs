@@ -9,14 +9,12 @@
 
 use glam::DVec3;
 
-use super::icp::Surroundings;
-use super::inpaint::{Row, normalized};
-use super::parallel::map_indices;
-use super::shell::Shell;
 use crate::linalg::{Cholesky, SymbolicCholesky};
 use crate::mesh::TriangleMesh;
+use crate::parallel::map_indices;
 use crate::progress::{Cancelled, Progress};
 use crate::rig::{Skeleton, closest_on_segment};
+use crate::skinning::{Row, normalized};
 use crate::spectral::Laplacian;
 
 /// How well bones warm the skin beside how well the skin leads heat: c.
@@ -36,27 +34,35 @@ const NO_HEAT: f64 = 1e-3;
 /// Right-hand sides of one solve; more would only need memory.
 const COLUMNS: usize = 32;
 
-/// One row for each vertex, of sum 1; empty for loose vertices, and where the solve fails.
-/// `takes_part` (B) marks the bones that count.
+/// How a surface lies in space.
+#[derive(Debug, Clone, Copy)]
+pub struct Sides<'a> {
+    /// −1 where the winding faces inward, else 1 (V).
+    pub side: &'a [f64],
+    /// Length of the surface, in the mesh's unit.
+    pub extent: f64,
+}
+
+/// One row for each vertex of a mesh whose seams are closed, of sum 1; empty for loose vertices, and
+/// where the solve fails. `takes_part` (B) marks the bones that count.
 ///
 /// # Errors
 /// [`Cancelled`] when `progress` was cancelled.
-pub(super) fn bone_heat(
-    surface: Surroundings<'_>,
+pub fn bone_heat(
+    mesh: &TriangleMesh,
+    sides: Sides<'_>,
     skeleton: &Skeleton,
     takes_part: &[bool],
     progress: &Progress,
 ) -> Result<Vec<Row>, Cancelled> {
-    let Surroundings { mesh, shell, .. } = surface;
     let bones: Vec<usize> = (0..takes_part.len()).filter(|&bone| takes_part[bone]).collect();
     let empty = || vec![Row::new(); mesh.vertex_count()];
-    let Ok(welded) = shell.welded(mesh) else { return Ok(empty()) };
-    let normals = normals(&welded, shell);
-    let smallest = SMALLEST_DISTANCE * shell.extent;
+    let normals = normals(mesh, sides.side);
+    let smallest = SMALLEST_DISTANCE * sides.extent;
     let sources = map_indices(mesh.vertex_count(), progress, [0.0, 0.5], |v, (): &mut ()| {
-        nearest(welded.vertices()[v], normals[v], smallest, skeleton, &bones)
+        nearest(mesh.vertices()[v], normals[v], smallest, skeleton, &bones)
     })?;
-    let Some((cholesky, pull)) = factored(&welded, &sources) else { return Ok(empty()) };
+    let Some((cholesky, pull)) = factored(mesh, &sources) else { return Ok(empty()) };
     progress.report(0.7)?;
     let size = mesh.vertex_count();
     let mut by_bone = vec![Vec::new(); takes_part.len()];
@@ -85,15 +91,15 @@ pub(super) fn bone_heat(
         progress.report(0.7 + 0.3 * (batch + 1) as f64 / warm.len().div_ceil(COLUMNS) as f64)?;
     }
     rows.iter_mut().for_each(|row| *row = faded(std::mem::take(row)));
-    Ok(shell.stands_for().iter().map(|&v| rows[v as usize].clone()).collect())
+    Ok(rows)
 }
 
 /// Outward normals (V), every triangle of a vertex counting alike; zero for a vertex without area.
-fn normals(mesh: &TriangleMesh, shell: &Shell) -> Vec<DVec3> {
+fn normals(mesh: &TriangleMesh, side: &[f64]) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; mesh.vertex_count()];
     for (t, triangle) in mesh.triangles().iter().enumerate() {
         let normal = mesh.area_vector(t).normalize_or_zero();
-        triangle.iter().for_each(|&v| sums[v as usize] += normal * shell.side[v as usize]);
+        triangle.iter().for_each(|&v| sums[v as usize] += normal * side[v as usize]);
     }
     sums.into_iter().map(DVec3::normalize_or_zero).collect()
 }
@@ -150,21 +156,13 @@ fn faded(row: Row) -> Row {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_surfaces::{mapped, similarity, tube};
     use super::*;
-    use crate::mesh::SurfaceQuery;
+    use crate::mesh::test_surfaces::{joined, mapped, similarity, tube};
 
     fn heat(mesh: &TriangleMesh, skeleton: &Skeleton) -> Vec<Row> {
-        let query = SurfaceQuery::new(mesh).unwrap();
-        let shell = Shell::new(mesh, &query, &Progress::new()).unwrap();
-        let takes_part = vec![true; skeleton.bone_count()];
-        bone_heat(
-            Surroundings { mesh, query: &query, shell: &shell },
-            skeleton,
-            &takes_part,
-            &Progress::new(),
-        )
-        .unwrap()
+        let (low, high) = mesh.bounds();
+        let sides = Sides { side: &vec![1.0; mesh.vertex_count()], extent: low.distance(high) };
+        bone_heat(mesh, sides, skeleton, &vec![true; skeleton.bone_count()], &Progress::new()).unwrap()
     }
 
     /// Two bones along a limb from z = 0 to z = 4.
@@ -193,7 +191,7 @@ mod tests {
     #[test]
     fn skin_belongs_to_the_bone_that_it_faces_away_from() {
         let [left, right] = [-0.55, 0.55].map(|x| mapped(&tube(0.5, 4.0, 32, 64), |p| p + DVec3::X * x));
-        let limbs = super::super::test_surfaces::joined(&left, &right);
+        let limbs = joined(&left, &right);
         let (heads, tails) =
             ([-0.3, 0.55].map(|x| DVec3::X * x), [-0.3, 0.55].map(|x| DVec3::new(x, 0.0, 4.0)));
         let skeleton = Skeleton::new(heads.to_vec(), tails.to_vec(), &[-1, -1], None).unwrap();

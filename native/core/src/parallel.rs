@@ -12,7 +12,7 @@ const BLOCK: usize = 8192;
 ///
 /// # Errors
 /// [`Cancelled`] when `progress` was cancelled.
-pub(super) fn map_indices<T: Send, S: Default + Send>(
+pub(crate) fn map_indices<T: Send, S: Default + Send>(
     count: usize,
     progress: &Progress,
     [from, to]: [f64; 2],

@@ -4,10 +4,10 @@ use std::collections::HashMap;
 
 use glam::{DAffine3, DVec3};
 
-use crate::mesh::TriangleMesh;
+use super::TriangleMesh;
 
 /// Unit sphere: an icosahedron whose triangles were cut in four `level` times.
-pub(super) fn icosphere(level: usize) -> TriangleMesh {
+pub(crate) fn icosphere(level: usize) -> TriangleMesh {
     let g = (1.0 + 5f64.sqrt()) / 2.0;
     let mut vertices: Vec<DVec3> = Vec::new();
     for (a, b) in [(1.0, g), (-1.0, g), (1.0, -g), (-1.0, -g)] {
@@ -43,7 +43,7 @@ pub(super) fn icosphere(level: usize) -> TriangleMesh {
 }
 
 /// Flat grid of (n + 1)² vertices over the unit square, in the plane z = 0.
-pub(super) fn grid(n: u32) -> TriangleMesh {
+pub(crate) fn grid(n: u32) -> TriangleMesh {
     let step = 1.0 / f64::from(n);
     let place = |i: u32| DVec3::new(f64::from(i % (n + 1)), f64::from(i / (n + 1)), 0.0) * step;
     let corner = |x: u32, y: u32| y * (n + 1) + x;
@@ -57,7 +57,7 @@ pub(super) fn grid(n: u32) -> TriangleMesh {
 }
 
 /// Open tube around the z axis, `around` × (`along` + 1) vertices.
-pub(super) fn tube(radius: f64, height: f64, around: u32, along: u32) -> TriangleMesh {
+pub(crate) fn tube(radius: f64, height: f64, around: u32, along: u32) -> TriangleMesh {
     let place = |i: u32| {
         let (k, level) = (i % around, i / around);
         // Every second ring is turned by half a step, so that no two triangles are coplanar.
@@ -81,24 +81,24 @@ pub(super) fn tube(radius: f64, height: f64, around: u32, along: u32) -> Triangl
 }
 
 /// Both surfaces in one mesh, vertices of the first one first.
-pub(super) fn joined(first: &TriangleMesh, second: &TriangleMesh) -> TriangleMesh {
+pub(crate) fn joined(first: &TriangleMesh, second: &TriangleMesh) -> TriangleMesh {
     let base = first.vertex_count() as u32;
     let vertices = first.vertices().iter().chain(second.vertices()).copied().collect();
     let moved = second.triangles().iter().map(|t| t.map(|v| v + base));
     TriangleMesh::new(vertices, first.triangles().iter().copied().chain(moved).collect()).unwrap()
 }
 
-pub(super) fn mapped(mesh: &TriangleMesh, map: impl Fn(DVec3) -> DVec3) -> TriangleMesh {
+pub(crate) fn mapped(mesh: &TriangleMesh, map: impl Fn(DVec3) -> DVec3) -> TriangleMesh {
     let vertices = mesh.vertices().iter().map(|&p| map(p)).collect();
     TriangleMesh::new(vertices, mesh.triangles().to_vec()).unwrap()
 }
 
-pub(super) fn scaled(mesh: &TriangleMesh, factor: f64) -> TriangleMesh {
+pub(crate) fn scaled(mesh: &TriangleMesh, factor: f64) -> TriangleMesh {
     mapped(mesh, |p| p * factor)
 }
 
 /// A rotation about a skew axis, a translation and a uniform scale.
-pub(super) fn similarity(scale: f64) -> DAffine3 {
+pub(crate) fn similarity(scale: f64) -> DAffine3 {
     let axis = DVec3::new(0.3, -0.5, 0.8).normalize();
     DAffine3::from_scale_rotation_translation(
         DVec3::splat(scale),
@@ -108,7 +108,7 @@ pub(super) fn similarity(scale: f64) -> DAffine3 {
 }
 
 /// The mesh with its vertices in another order, and the new number of every vertex.
-pub(super) fn permuted(mesh: &TriangleMesh) -> (TriangleMesh, Vec<u32>) {
+pub(crate) fn permuted(mesh: &TriangleMesh) -> (TriangleMesh, Vec<u32>) {
     let count = mesh.vertex_count();
     let stride = (count / 3..).find(|&s| gcd(s, count) == 1).unwrap();
     let new: Vec<u32> = (0..count).map(|v| ((v * stride + 1) % count) as u32).collect();
