@@ -37,7 +37,7 @@ impl ActivePart {
             }));
         for (contact, _) in island.cage_contacts.iter().zip(folds).filter(|(_, fold)| fold.is_some()) {
             for vertex in &contact.vertices {
-                for corner in island.surface[vertex.point as usize].corners {
+                for corner in island.surface[vertex.element as usize].corners {
                     self.concerned[corner as usize] = true;
                 }
             }

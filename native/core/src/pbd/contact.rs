@@ -3,6 +3,7 @@
 
 use glam::{Affine3A, Vec3};
 
+use super::fold_field::{FieldScale, FoldField, Meeting, Place, smoothstep};
 use super::self_collision::ProjectionPlane;
 
 /// Bones closer than this to one line have no inner side: nothing can fold there. As |a + b| of
@@ -14,17 +15,15 @@ const BENT: f32 = 0.4;
 /// A surface vertex that may touch the other side of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ContactVertex {
-    /// Index in the island's list of surface points.
-    pub point: u32,
+    /// For the candidates that push the cage, the index in the island's list of surface points; for
+    /// those of the surface, the vertex.
+    pub element: u32,
     /// True on the side of the bone below the joint.
     pub below: bool,
-    /// Where the seam between both sides meets this direction around the joint in rest, along the
-    /// plane's normal.
-    pub seam: f32,
-    /// How far the vertex is on the wrong side of the seam in rest.
-    pub rest_violation: f32,
-    /// How far it overlaps with the other side in rest.
+    /// How far the vertex is beyond the middle of the fold in rest.
     pub rest_overlap: f32,
+    /// How far it is shut in there in rest, from 0 to 1.
+    pub rest_shut_in: f32,
 }
 
 /// Contact candidates around the joint at the head of a bone.
@@ -39,6 +38,8 @@ pub(super) struct JointContact {
     pub vertices: Vec<ContactVertex>,
     /// Mean distance between neighbouring candidates.
     pub spacing: f32,
+    /// Radius of the limb at the joint.
+    pub radius: f32,
 }
 
 /// How one candidate has to move along the plane's normal.
@@ -53,24 +54,38 @@ pub(super) struct Push {
 const MARGIN: f32 = 3.0;
 /// Joints that are turned by less than this cannot bring anything into contact.
 const UNMOVED: f32 = 1e-4;
+/// Sine of half the turn from which hollows close in full: 23°.
+const TURNED: f32 = 0.2;
+/// Gap between the sides, in radii, at which they begin to feel each other.
+const FELT: f32 = 0.15;
+/// Half the gap that is left between the sides, in radii.
+const THICKNESS: f32 = 0.01;
+/// Smaller pushes than this, in spacings, are left out.
+const LEAST_PUSH: f32 = 1e-4;
 
-/// Where a candidate is over the projection plane.
+/// How firmly candidates follow the contact each time it is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Place {
-    /// Along the inner direction of the bend, from the joint.
-    inwards: f32,
-    /// Across the bend.
-    across: f32,
-    /// Height over the plane, towards the other side.
-    beyond: f32,
+pub(super) struct Firmness {
+    /// Share of the way that closes a hollow.
+    pub pull: f32,
+    /// Overlap of which half is left, in gaps at which the sides begin to feel each other; 0 leaves none.
+    pub softness: f32,
+}
+
+impl Firmness {
+    /// Of the cage, which is pushed again and again while it is solved.
+    pub(super) const CAGE: Self = Self { pull: 0.2, softness: 0.3 };
+    /// Of the surface in the end.
+    pub(super) const SURFACE: Self = Self { pull: 0.5, softness: 0.0 };
 }
 
 /// Buffers of the contact search.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ContactScratch {
-    /// Places of the listed candidates, and whether they are below the joint.
-    places: Vec<(Place, bool)>,
-    sides: [Vec<Place>; 2],
+    places: Vec<Place>,
+    field: FoldField,
+    /// How far the sides are in contact.
+    level: f32,
     /// The result.
     pub pushes: Vec<Push>,
 }
@@ -82,8 +97,8 @@ pub(super) struct FoldPlane {
     pub inwards: Vec3,
     /// 0 for straight joints, 1 from a moderate bend on, so that contact sets in gently.
     pub strength: f32,
-    /// Cosine of half the angle by which the joint is bent.
-    pub half_cosine: f32,
+    /// 0 at rest, 1 once the joint has turned some way, so that hollows begin to close gently.
+    pub set_in: f32,
     /// How far the joint bends rather than twists, from 0 to 1, and 0 for straight joints: sin² of half
     /// the bend over sin² of half the turn, times the strength.
     pub bend_share: f32,
@@ -105,148 +120,147 @@ impl JointContact {
         let inwards = up + down;
         let length = inwards.length();
         let strength = ((length - STRAIGHT) / (BENT - STRAIGHT)).min(1.0);
+        let (bend_share, set_in) = self.turn(below, above);
         (length > STRAIGHT).then(|| FoldPlane {
             plane: ProjectionPlane { point: joint, normal },
             inwards: inwards / length,
             strength,
-            half_cosine: (down - up).length() * 0.5,
-            bend_share: strength * self.bend_share(below, above),
+            set_in,
+            bend_share: strength * bend_share,
         })
     }
 
-    /// Share of the turn since rest that is not about the bone itself.
-    fn bend_share(&self, below: &Affine3A, above: &Affine3A) -> f32 {
+    /// Share of the turn since rest that is not about the bone itself, and how far the turn lets
+    /// hollows close.
+    fn turn(&self, below: &Affine3A, above: &Affine3A) -> (f32, f32) {
         let (_, turn, _) = (above.inverse() * *below).to_scale_rotation_translation();
         let down = (self.down - self.joint).normalize_or_zero();
         let bend = down.distance_squared(turn * down) * 0.25;
         let whole = turn.xyz().length_squared();
-        if whole > f32::MIN_POSITIVE { (bend / whole).min(1.0) } else { 0.0 }
+        let share = if whole > f32::MIN_POSITIVE { (bend / whole).min(1.0) } else { 0.0 };
+        (share, smoothstep(whole.sqrt() / TURNED))
     }
 
     /// Where a candidate is relative to the plane and its own side.
+    #[inline]
     fn place(&self, fold: &FoldPlane, candidate: &ContactVertex, position: Vec3) -> Place {
         let offset = position - fold.plane.point;
-        let beyond = offset.dot(fold.plane.normal) - candidate.seam * fold.half_cosine;
-        let beyond = if candidate.below { -beyond } else { beyond };
+        let height = offset.dot(fold.plane.normal);
         let across = fold.inwards.cross(fold.plane.normal);
-        let inwards = offset.dot(fold.inwards);
-        Place { inwards, across: offset.dot(across), beyond: beyond - candidate.rest_violation }
+        Place {
+            inwards: offset.dot(fold.inwards),
+            across: offset.dot(across),
+            beyond: if candidate.below { -height } else { height },
+            below: candidate.below,
+        }
     }
 
-    /// All candidates, as a list to search.
-    pub(super) fn all(&self) -> Vec<u32> {
-        (0..self.vertices.len() as u32).collect()
+    fn scale(&self) -> FieldScale {
+        FieldScale { step: self.spacing, margin: self.radius * FELT, radius: self.radius }
     }
 
     /// Lists the candidates that can come into contact as long as none moves by more than
     /// [`MARGIN`]; `positions` are those of all.
     pub(super) fn list_near(&self, fold: &FoldPlane, positions: &[Vec3], near: &mut Vec<u32>) {
         near.clear();
+        let scale = self.scale();
         let margin = MARGIN * self.spacing;
-        let places = || self.vertices.iter().zip(positions).map(|(v, &p)| (self.place(fold, v, p), v.below));
+        let places = || self.vertices.iter().zip(positions).map(|(v, &p)| self.place(fold, v, p));
         let mut highest = [f32::NEG_INFINITY; 2];
-        for (place, below) in places().filter(|(place, _)| place.inwards > -margin) {
-            highest[usize::from(below)] = highest[usize::from(below)].max(place.beyond);
+        for place in places().filter(|place| place.inwards > -margin) {
+            let side = usize::from(place.below);
+            highest[side] = highest[side].max(place.beyond);
         }
-        let reaches = |(place, below): (Place, bool)| {
-            let other = highest[usize::from(!below)];
-            place.inwards > -margin && place.beyond + other + self.spacing + 2.0 * margin > 0.0
+        if !(highest[0] + highest[1] + scale.margin + 2.0 * margin > 0.0) {
+            return;
+        }
+        let reaches = |place: Place| {
+            let other = highest[usize::from(!place.below)];
+            let room = scale.margin + scale.radius + 2.0 * margin;
+            place.inwards > -margin - scale.step && place.beyond + other + room > 0.0
         };
         near.extend((0..).zip(places()).filter(|&(_, place)| reaches(place)).map(|(index, _)| index));
     }
 
-    /// Pushes that bring every listed candidate in contact back towards the plane (eq. 13, 14);
-    /// `positions` are those of the list.
+    /// Pushes that bring every listed candidate in contact back towards its own side (eq. 13, 14), and
+    /// those in a hollow that contact closes off towards the other side; `positions` are those of the
+    /// list.
     ///
-    /// A candidate beyond the plane is in contact as far as the other side reaches there: over the
-    /// plane, each side is a height field, the upper envelope of cones of slope 1 on its
-    /// candidates, and where both heights sum to more than 0 they overlap. This varies continuously
-    /// with the pose. A push never exceeds the overlap, nor the way to the plane.
+    /// Over the plane each side is a height field. Where the two overlap, both go back to the surface
+    /// half way between them. All of it varies continuously with the pose.
     pub(super) fn pushes(
         &self,
         fold: &FoldPlane,
         list: &[u32],
         positions: &[Vec3],
+        refill: bool,
+        firmness: Firmness,
         scratch: &mut ContactScratch,
     ) {
-        let ContactScratch { places, sides, pushes } = scratch;
+        let ContactScratch { places, field, level, pushes } = scratch;
         pushes.clear();
         places.clear();
         let vertices = list.iter().map(|&candidate| &self.vertices[candidate as usize]);
-        places.extend(vertices.zip(positions).map(|(v, &p)| (self.place(fold, v, p), v.below)));
-        // Highest reach of each side beyond the plane, on the inner side of the bend.
-        let mut highest = [f32::NEG_INFINITY; 2];
-        for &(place, below) in places.iter().filter(|(place, _)| place.inwards > 0.0) {
-            highest[usize::from(below)] = highest[usize::from(below)].max(place.beyond);
+        places.extend(vertices.zip(positions).map(|(v, &p)| self.place(fold, v, p)));
+        let scale = self.scale();
+        if refill {
+            *level = field.fill(places, &scale);
         }
-        let room = self.spacing - highest[0].max(0.0) - highest[1].max(0.0);
-        if highest[0] + highest[1] + self.spacing <= 0.0 {
+        if *level <= 0.0 {
             return;
         }
-        sides.iter_mut().for_each(Vec::clear);
-        for &(place, below) in places.iter() {
-            // Lower places cannot overlap with anything.
-            if place.inwards > 0.0 && place.beyond >= room - 2.0 * self.spacing {
-                sides[usize::from(below)].push(place);
-            }
-        }
-        sides.iter_mut().for_each(|side| side.sort_unstable_by(highest_first));
-        for (listed, &(place, below)) in (0..).zip(places.iter()) {
-            if place.inwards <= 0.0 || place.beyond <= 0.0 {
+        let thickness = THICKNESS * self.radius;
+        // A side of a few triangles has no shape that could touch another.
+        let resolved = smoothstep(2.0 * self.radius / self.spacing - 1.0);
+        for (listed, place) in (0..).zip(places.iter()) {
+            if place.inwards <= 0.0 {
                 continue;
             }
-            let rest_overlap = self.vertices[list[listed as usize] as usize].rest_overlap;
-            let overlap = place.beyond + self.height(&sides[usize::from(!below)], place);
-            let overlap = (overlap - rest_overlap).max(0.0);
-            // Sets in with slope 0. What it leaves is less than the spacing that `height` adds.
-            let gentle = overlap * overlap / (overlap + self.spacing);
-            let amount = place.beyond.min(gentle);
-            let amount = amount * fold.strength * (place.inwards / self.spacing).min(1.0);
-            if amount > 0.0 {
-                let direction = if below { amount } else { -amount };
+            let vertex = &self.vertices[list[listed as usize] as usize];
+            let meeting = field.meeting(place);
+            let beyond = place.beyond - meeting.middle + thickness;
+            let amount = if beyond > 0.0 {
+                let near = smoothstep(2.0 + meeting.overlap / scale.margin);
+                let over = (beyond - vertex.rest_overlap).max(0.0);
+                over * near * over / (over + firmness.softness * scale.margin + f32::MIN_POSITIVE)
+            } else {
+                let hidden = (meeting.envelope - place.beyond) / (2.0 * scale.step);
+                let seen = (1.0 - hidden).clamp(0.0, 1.0);
+                let small = smoothstep(2.0 + 2.0 * meeting.overlap / scale.radius);
+                firmness.pull
+                    * beyond
+                    * meeting.shut_in
+                    * seen
+                    * small
+                    * fold.set_in
+                    * (1.0 - vertex.rest_shut_in)
+            };
+            let amount = amount * *level * resolved * fold.strength * (place.inwards / self.spacing).min(1.0);
+            if amount.abs() > LEAST_PUSH * self.spacing {
+                let direction = if vertex.below { amount } else { -amount };
                 pushes.push(Push { listed, offset: fold.plane.normal * direction });
             }
         }
     }
 
-    /// Height of a side, the highest places first, over a point of the plane.
-    fn height(&self, side: &[Place], at: Place) -> f32 {
-        let mut highest = f32::NEG_INFINITY;
-        for place in side {
-            if place.beyond <= highest {
-                break;
-            }
-            let distance = ((place.inwards - at.inwards).powi(2) + (place.across - at.across).powi(2)).sqrt();
-            highest = highest.max(place.beyond - distance);
+    /// Takes from the rest state, or another shape's, what the candidates keep: how far they overlap
+    /// and are shut in there.
+    pub(super) fn keep_rest(&mut self, positions: &[Vec3]) {
+        let fold = self.plane_between(&Affine3A::IDENTITY, &Affine3A::IDENTITY);
+        let mut field = FoldField::default();
+        let places: Vec<Place> = match &fold {
+            Some(fold) => self.vertices.iter().zip(positions).map(|(v, &p)| self.place(fold, v, p)).collect(),
+            None => Vec::new(),
+        };
+        let meets = fold.is_some() && field.fill(&places, &self.scale()) > 0.0;
+        let thickness = THICKNESS * self.radius;
+        for (index, vertex) in self.vertices.iter_mut().enumerate() {
+            let meeting = if meets { field.meeting(&places[index]) } else { Meeting::default() };
+            vertex.rest_shut_in = meeting.shut_in;
+            vertex.rest_overlap =
+                if meets { (places[index].beyond - meeting.middle + thickness).max(0.0) } else { 0.0 };
         }
-        // Between samples the cones are too low by as much as half their distance.
-        highest + self.spacing
     }
-
-    /// Overlap of each candidate with the other side in rest.
-    pub(super) fn rest_overlaps(&self, positions: &[Vec3]) -> Vec<f32> {
-        let Some(fold) = self.plane_between(&Affine3A::IDENTITY, &Affine3A::IDENTITY) else {
-            return vec![0.0; positions.len()];
-        };
-        let places: Vec<Place> =
-            self.vertices.iter().zip(positions).map(|(v, &p)| self.place(&fold, v, p)).collect();
-        let side = |below: bool| -> Vec<Place> {
-            let members =
-                self.vertices.iter().zip(&places).filter(|(v, p)| v.below == below && p.inwards > 0.0);
-            let mut side: Vec<Place> = members.map(|(_, place)| *place).collect();
-            side.sort_unstable_by(highest_first);
-            side
-        };
-        let sides = [side(false), side(true)];
-        let overlap = |(v, place): (&ContactVertex, &Place)| {
-            (place.beyond + self.height(&sides[usize::from(!v.below)], *place)).max(0.0)
-        };
-        self.vertices.iter().zip(&places).map(overlap).collect()
-    }
-}
-
-fn highest_first(a: &Place, b: &Place) -> std::cmp::Ordering {
-    b.beyond.total_cmp(&a.beyond)
 }
 
 #[cfg(test)]
@@ -256,12 +270,11 @@ mod tests {
     /// Two rows of candidates along a limb on x, on its inner side (+y) at radius 0.3.
     fn contact() -> (JointContact, Vec<Vec3>) {
         let rest: Vec<Vec3> = (-8..=8).map(|i| Vec3::new(i as f32 * 0.1, 0.3, 0.0)).collect();
-        let vertices = rest.iter().zip(0..).map(|(p, point)| ContactVertex {
-            point,
+        let vertices = rest.iter().zip(0..).map(|(p, element)| ContactVertex {
+            element,
             below: p.x > 0.0,
-            seam: 0.0,
-            rest_violation: 0.0,
             rest_overlap: 0.0,
+            rest_shut_in: 0.0,
         });
         let contact = JointContact {
             bone: 1,
@@ -270,6 +283,7 @@ mod tests {
             up: -Vec3::X,
             down: Vec3::X,
             spacing: 0.1,
+            radius: 0.3,
             vertices: vertices.collect(),
         };
         (contact, rest)
@@ -291,7 +305,7 @@ mod tests {
         let half = Vec3::new(0.5f32.cos(), 0.5f32.sin(), 0.0);
         assert!(fold.plane.normal.distance(half) < 1e-6);
         assert!(fold.inwards.distance(Vec3::new(-half.y, half.x, 0.0)) < 1e-6);
-        assert!((fold.half_cosine - 0.5f32.cos()).abs() < 1e-6);
+        assert_eq!(fold.set_in, 1.0);
         assert!((fold.bend_share - 1.0).abs() < 1e-5);
         assert!(contact.fold_plane(&bent(0.0)).is_none(), "straight");
         assert!(contact.fold_plane(&[Affine3A::from_rotation_z(1.0); 2]).is_none(), "turned as a whole");
@@ -308,28 +322,64 @@ mod tests {
         assert!((0.4..0.6).contains(&both.bend_share), "{}", both.bend_share);
     }
 
+    fn all(contact: &JointContact) -> Vec<u32> {
+        (0..contact.vertices.len() as u32).collect()
+    }
+
+    fn pushes(contact: &JointContact, pose: &[Affine3A; 2], positions: &[Vec3]) -> Vec<Push> {
+        let Some(fold) = contact.fold_plane(pose) else { return Vec::new() };
+        let mut scratch = ContactScratch::default();
+        contact.pushes(&fold, &all(contact), positions, true, Firmness::SURFACE, &mut scratch);
+        scratch.pushes
+    }
+
+    fn beyond(contact: &JointContact, pose: &[Affine3A; 2], positions: &[Vec3]) -> Vec<Place> {
+        let fold = contact.fold_plane(pose).unwrap();
+        contact.vertices.iter().zip(positions).map(|(v, &p)| contact.place(&fold, v, p)).collect()
+    }
+
+    fn pushed(contact: &JointContact, pose: &[Affine3A; 2], positions: &[Vec3]) -> Vec<Vec3> {
+        let mut positions = positions.to_vec();
+        for push in pushes(contact, pose, &positions) {
+            positions[push.listed as usize] += push.offset;
+        }
+        positions
+    }
+
     #[test]
-    fn sides_that_pass_into_each_other_are_pushed_apart_and_no_farther_than_the_plane() {
+    fn sides_that_pass_into_each_other_are_parted() {
+        let (contact, rest) = contact();
+        let pose = bent(1.8);
+        let before = rigid(&contact, &rest, &pose);
+        assert!(beyond(&contact, &pose, &before).iter().any(|p| p.inwards > 0.1 && p.beyond > 0.05));
+        let after = pushed(&contact, &pose, &before);
+        let places = beyond(&contact, &pose, &after);
+        assert!(places.iter().filter(|p| p.inwards > contact.spacing).all(|p| p.beyond < 0.0), "{places:?}");
+        assert!(pushes(&contact, &bent(-1.8), &rigid(&contact, &rest, &bent(-1.8))).is_empty());
+    }
+
+    #[test]
+    fn a_hollow_that_contact_shuts_in_is_closed() {
         let (contact, rest) = contact();
         let pose = bent(1.8);
         let fold = contact.fold_plane(&pose).unwrap();
-        let positions = rigid(&contact, &rest, &pose);
-        let mut scratch = ContactScratch::default();
-        contact.pushes(&fold, &contact.all(), &positions, &mut scratch);
-        assert!(scratch.pushes.len() > 3);
-        for push in &scratch.pushes {
-            let vertex = &contact.vertices[push.listed as usize];
-            let beyond = |p: Vec3| {
-                let height = (p - fold.plane.point).dot(fold.plane.normal);
-                if vertex.below { -height } else { height }
-            };
-            let before = positions[push.listed as usize];
-            assert!(beyond(before) > 0.0);
-            let after = beyond(before + push.offset);
-            assert!((-1e-6..beyond(before)).contains(&after), "{after}");
+        let mut positions = pushed(&contact, &pose, &rigid(&contact, &rest, &pose));
+        let in_hollow: Vec<bool> =
+            beyond(&contact, &pose, &positions).iter().map(|p| (0.3..0.5).contains(&p.inwards)).collect();
+        assert!(in_hollow.iter().any(|&inside| inside));
+        for ((vertex, position), _) in
+            contact.vertices.iter().zip(&mut positions).zip(&in_hollow).filter(|(_, inside)| **inside)
+        {
+            *position += fold.plane.normal * if vertex.below { 0.06 } else { -0.06 };
         }
-        contact.pushes(&fold, &contact.all(), &rigid(&contact, &rest, &bent(-1.8)), &mut scratch);
-        assert!(scratch.pushes.is_empty(), "bent the other way");
+        let open = |positions: &[Vec3]| -> f32 {
+            let places = beyond(&contact, &pose, positions);
+            let hollow = places.iter().zip(&in_hollow).filter(|(_, inside)| **inside);
+            hollow.map(|(place, _)| place.beyond).fold(f32::INFINITY, f32::min)
+        };
+        let before = open(&positions);
+        let after = open(&pushed(&contact, &pose, &positions));
+        assert!(after > 0.9 * before && before < -0.05, "{before} {after}");
     }
 
     #[test]
@@ -348,13 +398,15 @@ mod tests {
             };
             let sunk: Vec<Vec3> = contact.vertices.iter().zip(&positions).map(sunk).collect();
             let listed: Vec<Vec3> = near.iter().map(|&i| sunk[i as usize]).collect();
-            let (mut some, mut all) = (ContactScratch::default(), ContactScratch::default());
-            contact.pushes(&fold, &near, &listed, &mut some);
-            contact.pushes(&fold, &contact.all(), &sunk, &mut all);
+            let (mut some, mut whole) = (ContactScratch::default(), ContactScratch::default());
+            let everything = all(&contact);
+            contact.pushes(&fold, &near, &listed, true, Firmness::CAGE, &mut some);
+            contact.pushes(&fold, &everything, &sunk, true, Firmness::CAGE, &mut whole);
             let some: Vec<(u32, Vec3)> =
                 some.pushes.iter().map(|push| (near[push.listed as usize], push.offset)).collect();
-            let all: Vec<(u32, Vec3)> = all.pushes.iter().map(|push| (push.listed, push.offset)).collect();
-            assert_eq!(some, all);
+            let whole: Vec<(u32, Vec3)> =
+                whole.pushes.iter().map(|push| (push.listed, push.offset)).collect();
+            assert_eq!(some, whole);
         }
         let pose = bent(0.3);
         let fold = contact.fold_plane(&pose).unwrap();
@@ -373,9 +425,7 @@ mod tests {
                 *position += fold.plane.normal * 5.0;
             }
         }
-        let mut scratch = ContactScratch::default();
-        contact.pushes(&fold, &contact.all(), &positions, &mut scratch);
-        assert!(scratch.pushes.is_empty());
+        assert!(pushes(&contact, &pose, &positions).is_empty());
     }
 
     #[test]
@@ -386,15 +436,10 @@ mod tests {
         // The folded state as rest: the same bones, not turned, over the same points.
         contact.up = folded[0].transform_point3(contact.up);
         contact.down = folded[1].transform_point3(contact.down);
-        let overlaps = contact.rest_overlaps(&positions);
-        assert!(overlaps.iter().any(|overlap| *overlap > 0.1));
-        for (vertex, overlap) in contact.vertices.iter_mut().zip(overlaps) {
-            vertex.rest_overlap = overlap;
-        }
+        contact.keep_rest(&positions);
+        assert!(contact.vertices.iter().any(|vertex| vertex.rest_overlap > 0.1));
         let nearly = [Affine3A::IDENTITY, Affine3A::from_rotation_z(1e-3)];
-        let fold = contact.fold_plane(&nearly).unwrap();
-        let mut scratch = ContactScratch::default();
-        contact.pushes(&fold, &contact.all(), &positions, &mut scratch);
-        assert!(scratch.pushes.iter().all(|push| push.offset.length() < 1e-2), "{:?}", scratch.pushes);
+        let pushes = pushes(&contact, &nearly, &positions);
+        assert!(pushes.iter().all(|push| push.offset.length() < 1e-2), "{pushes:?}");
     }
 }

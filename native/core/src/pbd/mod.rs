@@ -13,6 +13,7 @@ mod error;
 #[cfg(test)]
 mod finite_difference;
 mod fit;
+mod fold_field;
 mod island;
 mod lanes;
 #[cfg(target_arch = "x86_64")]

@@ -325,10 +325,10 @@ impl PbdSkin {
             for ((island, contacts), scratch) in self.islands.iter().zip(&self.contacts).zip(scratch) {
                 let Some(frame) = &scratch.frame else { continue };
                 if is_rest {
-                    contacts.separate(&island.contacts, island, frame, &scratch.local, positions);
+                    contacts.separate(&island.contacts, frame, &scratch.local, positions);
                 } else {
                     let shaped = reshaped(island, &scratch.local, vertices);
-                    contacts.separate(&shaped, island, frame, &scratch.local, positions);
+                    contacts.separate(&shaped, frame, &scratch.local, positions);
                 }
             }
         }

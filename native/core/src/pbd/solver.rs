@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use wide::f32x4;
 
 use super::active::ActivePart;
-use super::contact::{ContactScratch, FoldPlane};
+use super::contact::{ContactScratch, Firmness, FoldPlane};
 use super::island::{Bind, Island};
 use super::lanes::{BATCH, Particle, on_widest_lanes};
 use super::sweeps::{EnergySweep, StretchSweep, VolumeSweep};
@@ -26,7 +26,9 @@ pub(super) struct Scratch {
     near: Vec<Vec<u32>>,
     /// True once [`Self::near`] is that of this pose.
     listed: bool,
-    contact: ContactScratch,
+    contacts: Vec<ContactScratch>,
+    /// Contact sweeps of this pose so far.
+    sweeps: usize,
     active: ActivePart,
     /// Joints that bend: bone, parent, and how far the start is from linear blending.
     bends: Vec<(u32, u32, f32)>,
@@ -70,6 +72,7 @@ pub(super) fn solve_island(
     scratch.active.find(island, transforms, &scratch.folds);
     start(island, settings, transforms, scratch);
     scratch.listed = false;
+    scratch.sweeps = 0;
     for iteration in 0..settings.iterations {
         // Every second sweep runs backwards, so that no end of the island is always served last.
         let backwards = iteration % 2 == 1;
@@ -189,11 +192,14 @@ fn list_near(island: &Island, scratch: &mut Scratch) {
     for ((contact, fold), near) in island.cage_contacts.iter().zip(folds).zip(near) {
         let Some(fold) = fold else { continue };
         candidates.clear();
-        let points = contact.vertices.iter().map(|vertex| &island.surface[vertex.point as usize]);
+        let points = contact.vertices.iter().map(|vertex| &island.surface[vertex.element as usize]);
         candidates.extend(points.map(|point| point.position(particles)));
         contact.list_near(fold, candidates, near);
     }
 }
+
+/// Contact sweeps that share the height fields of the folds.
+const FIELD_SWEEPS: usize = 4;
 
 /// Pushes contact vertices back through the corners of the tetrahedra that hold them.
 fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
@@ -201,17 +207,21 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
         list_near(island, scratch);
         scratch.listed = true;
     }
-    let Scratch { particles, folds, candidates, near, contact: found, active, .. } = scratch;
-    for ((contact, fold), near) in island.cage_contacts.iter().zip(folds).zip(near) {
+    let Scratch { particles, folds, candidates, near, sweeps, contacts, active, .. } = scratch;
+    let refill = *sweeps % FIELD_SWEEPS == 0;
+    *sweeps += 1;
+    contacts.resize_with(folds.len(), ContactScratch::default);
+    let joints = island.cage_contacts.iter().zip(folds).zip(near).zip(contacts);
+    for (((contact, fold), near), found) in joints {
         let Some(fold) = fold else { continue };
         if near.is_empty() {
             continue;
         }
         let point_of =
-            |listed: usize| &island.surface[contact.vertices[near[listed] as usize].point as usize];
+            |listed: usize| &island.surface[contact.vertices[near[listed] as usize].element as usize];
         candidates.clear();
         candidates.extend((0..near.len()).map(|listed| point_of(listed).position(particles)));
-        contact.pushes(fold, near, candidates, found);
+        contact.pushes(fold, near, candidates, refill, Firmness::CAGE, found);
         for push in &found.pushes {
             let point = point_of(push.listed as usize);
             // Pushes before this one may have moved the same corners.
