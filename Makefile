@@ -15,9 +15,10 @@ help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | \
 	while IFS="$$(printf '\t')" read -r target text; do printf '  make %-13s%s\n' "$$target" "$$text"; done
 
-demo: zip ## Retarget weights in Blender, and what the PBD skin does; pictures, demo.blend and report.json in demo/
+demo: zip ## Retarget weights in Blender, what the PBD skin does, a bare mesh that gets bones; pictures and more in demo/
 	@$(VENV_PYTHON) demo/run.py
 	@$(VENV_PYTHON) demo/skin.py
+	@$(VENV_PYTHON) demo/fit.py
 
 test: zip ## Run all tests and linters (Rust, Python, inside Blender)
 	@$(VENV_PYTHON) scripts/run_tests.py
@@ -28,6 +29,8 @@ bench: zip ## Measure the spectral solver, the skin, its frames and retargeted w
 	@$(VENV_PYTHON) bench/skin_frames.py
 	@$(VENV_PYTHON) bench/retarget.py
 	@$(VENV_PYTHON) bench/bind.py
+	@$(VENV_PYTHON) bench/fit.py
+	@$(VENV_PYTHON) bench/bake.py
 
 lint: wheel ## Run the formatters' checks, the linters and the type checker alone
 	@$(VENV_PYTHON) scripts/run_tests.py lint

@@ -9,11 +9,9 @@ disturbs them alike. Prints medians and their ratios to the plain Armature modif
 
 import argparse
 import json
-import os
 import platform
 import sys
 import time
-import traceback
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -122,15 +120,4 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=5, help="how often each variant is played")
     arguments = parser.parse_args()
-    status = 1
-    try:
-        main(arguments.rounds)
-        status = 0
-    finally:
-        if status:
-            traceback.print_exc()
-        extension.PROFILE.cleanup()
-        sys.stdout.flush()
-        sys.stderr.flush()
-        # Blender as a module may hang at its own exit while an add-on is enabled.
-        os._exit(status)
+    extension.run(lambda: main(arguments.rounds))

@@ -111,15 +111,36 @@ def smoothed(weights, matched, vertices, triangles, reach):
 
 
 def eq_2(pair):
-    """Weights from the target's skeleton alone (eq. 2), among the bones that move skin in truth."""
-    target = pair.given
-    used = np.flatnonzero(pair.target.weights.any(axis=0))
+    """Weights from the target's skeleton alone (eq. 2)."""
+    return from_bones(pair, "paper")
+
+
+def volumetric(pair):
+    """Weights from the target's skeleton alone, through the volume."""
+    return from_bones(pair, "volumetric")
+
+
+def bone_heat(pair):
+    """Blender's automatic weights; needs Blender as a Python module."""
+    import bone_heat as blender
+
+    return blender.bone_heat(pair.given, used_bones(pair))
+
+
+def used_bones(pair):
+    """The bones that move skin in truth; the others are no part of a skeleton for weights from it alone."""
+    return np.flatnonzero(pair.target.weights.any(axis=0))
+
+
+def from_bones(pair, method):
+    """Weights by `bind_weights` among the bones used."""
+    target, used = pair.given, used_bones(pair)
     place = np.full(len(target.parents) + 1, -1)
     place[used] = np.arange(len(used))
     parents = place[[nearest_used(target.parents, used, bone) for bone in used]]
     skeleton = Skeleton(target.heads[used], target.tails[used], parents)
     weights = np.zeros(pair.target.weights.shape)
-    weights[:, used] = bind_weights(mesh_of(pair.target), skeleton, method="paper").to_dense()
+    weights[:, used] = bind_weights(mesh_of(pair.target), skeleton, method=method).to_dense()
     return weights
 
 

@@ -10,6 +10,7 @@ from scratch_profile import MODULE, PROFILE
 
 OPERATORS = (
     "retarget_weights",
+    "fit_skeleton",
     "bind_weights",
     "check",
     "select_problems",
@@ -27,6 +28,7 @@ OPERATORS = (
 PANELS = (
     "DERMIS_PT_retarget",
     "DERMIS_PT_landmarks",
+    "DERMIS_PT_fit",
     "DERMIS_PT_bind",
     "DERMIS_PT_check",
     "DERMIS_PT_bone_map",
@@ -38,7 +40,9 @@ PANELS = (
 MENUS = {
     "VIEW3D_MT_make_links": ("dermis.retarget_weights",),
     "VIEW3D_MT_paint_weight": ("dermis.retarget_weights", "dermis.check"),
-    "VIEW3D_MT_object_parent": ("dermis.bind_weights",),
+    "VIEW3D_MT_object_parent": ("dermis.fit_skeleton", "dermis.bind_weights"),
+    "VIEW3D_MT_edit_armature": ("dermis.fit_skeleton",),
+    "VIEW3D_MT_pose": ("dermis.fit_skeleton",),
 }
 
 

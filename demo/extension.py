@@ -9,7 +9,10 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+import traceback
+from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 PROFILE = tempfile.TemporaryDirectory(prefix="dermis-demo-")
 os.environ["BLENDER_USER_RESOURCES"] = PROFILE.name
@@ -48,3 +51,19 @@ def install(path: Path) -> str:
     if not place.startswith(str(packages)):
         raise RuntimeError(f"the native module comes from {place}, not from {path.name}")
     return place
+
+
+def run(main: Callable[[], None]) -> NoReturn:
+    """Run a program to the end of the process: status 0, or 1 and a traceback when it raises."""
+    status = 1
+    try:
+        main()
+        status = 0
+    finally:
+        if status:
+            traceback.print_exc()
+        PROFILE.cleanup()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        # Blender as a module may hang at its own exit while an add-on is enabled.
+        os._exit(status)

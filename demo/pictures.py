@@ -19,6 +19,13 @@ def flatten(path: Path) -> None:
     picture.save(path, optimize=True)
 
 
+def lay_over(path: Path, above: Path) -> None:
+    """Put a rendered picture onto another of the same size, which stays transparent around both."""
+    with Image.open(path) as below, Image.open(above) as top:
+        picture = Image.alpha_composite(below.convert("RGBA"), top.convert("RGBA"))
+    picture.save(path)
+
+
 def contact_sheet(paths: list[Path], captions: list[str], target: Path, *, width: int = 340) -> None:
     """The pictures in one row with a caption below each."""
     font = ImageFont.load_default(size=15)

@@ -8,7 +8,7 @@ import numpy as np
 from mathutils import Quaternion, Vector
 
 # A rotation in degrees about an axis of the world, in the rest pose: X to the character's left,
-# Y backwards, Z up. For "_l" bones; "_r" bones mirror it.
+# Y backwards, Z up. For "_l" bones; "_r" and ".R" bones mirror it.
 LEFT, BACK, UP = Vector((1, 0, 0)), Vector((0, 1, 0)), Vector((0, 0, 1))
 Turn = tuple[Vector, float]
 FRAMES_BETWEEN = 24
@@ -78,7 +78,7 @@ def local_rotation(bone: bpy.types.PoseBone, turns: list[Turn]) -> Quaternion:
     """The turns, one after another about world axes of the rest pose, in the bone's own axes."""
     total = Quaternion()
     for axis, degrees in turns:
-        mirrored = bone.name.endswith("_r") and axis is not LEFT
+        mirrored = bone.name.endswith(("_r", ".R")) and axis is not LEFT
         total = Quaternion(axis, np.radians(-degrees if mirrored else degrees)) @ total
     rest = bone.bone.matrix_local.to_quaternion()
     return rest.inverted() @ total @ rest

@@ -15,9 +15,7 @@ import argparse
 import json
 import os
 import platform
-import sys
 import time
-import traceback
 from pathlib import Path
 from typing import Any
 
@@ -216,15 +214,4 @@ def main(arguments: argparse.Namespace) -> None:
 
 if __name__ == "__main__":
     chosen_arguments = parse_arguments()
-    status = 1
-    try:
-        main(chosen_arguments)
-        status = 0
-    finally:
-        if status:
-            traceback.print_exc()
-        extension.PROFILE.cleanup()
-        sys.stdout.flush()
-        sys.stderr.flush()
-        # Blender as a module may hang at its own exit while an add-on is enabled.
-        os._exit(status)
+    extension.run(lambda: main(chosen_arguments))

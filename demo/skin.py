@@ -9,9 +9,6 @@ picture in the README.
 from __future__ import annotations
 
 import argparse
-import os
-import sys
-import traceback
 from pathlib import Path
 
 import extension  # before bpy, which looks for its profile when it starts
@@ -130,15 +127,4 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--docs", action="store_true", help="renew the picture in the README")
     arguments = parser.parse_args()
-    status = 1
-    try:
-        main(arguments.docs)
-        status = 0
-    finally:
-        if status:
-            traceback.print_exc()
-        extension.PROFILE.cleanup()
-        sys.stdout.flush()
-        sys.stderr.flush()
-        # Blender as a module may hang at its own exit while an add-on is enabled.
-        os._exit(status)
+    extension.run(lambda: main(arguments.docs))

@@ -32,6 +32,7 @@ class BindJob:
         self._began = perf_counter()
         self._armature = armature
         self.objects = tuple(objects)
+        scope.check(objects)
         self._targets = [read_bind_target(ob, armature, depsgraph, evaluated, scope) for ob in objects]
         self.task = BindTask(self._targets, settings)
 
@@ -76,7 +77,8 @@ def read_bind_target(
         existing=groups.of_bones(bones.names),
         locked=groups.locked_bones(bones.names),
         only_bones=scope.bones(ob, armature, groups, bones.names),
-        only_vertices=scope.vertices(ob),
+        only_vertices=scope.vertices(ob, groups),
+        part_vertices=scope.part_vertices(ob),
     )
 
 

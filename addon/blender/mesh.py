@@ -44,19 +44,19 @@ def read_polygons(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
 def rest_positions(mesh: bpy.types.Mesh) -> np.ndarray:
     """Positions (V,3) without shape keys, in the object's space."""
     keys = mesh.shape_keys
-    return _positions(mesh.vertices if keys is None else keys.reference_key.points)
+    return read_positions(mesh.vertices if keys is None else keys.reference_key.points)
 
 
 def _evaluated_positions(ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray:
     if _same_topology(ob, depsgraph):
-        return _positions(ob.evaluated_get(depsgraph).data.vertices)
+        return read_positions(ob.evaluated_get(depsgraph).data.vertices)
     with _only_deforming(ob, depsgraph):
         if not _same_topology(ob, depsgraph):
             raise InputError(
                 f"The evaluated mesh of '{ob.name}' has other vertices than the mesh itself: "
                 "use its rest geometry, or hide the modifiers that change them."
             )
-        return _positions(ob.evaluated_get(depsgraph).data.vertices)
+        return read_positions(ob.evaluated_get(depsgraph).data.vertices)
 
 
 def _same_topology(ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
@@ -78,7 +78,8 @@ def _only_deforming(ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Ite
         depsgraph.update()
 
 
-def _positions(points: bpy.types.bpy_prop_collection) -> np.ndarray:
+def read_positions(points: bpy.types.bpy_prop_collection) -> np.ndarray:
+    """Positions (V,3) of vertices or of a shape key's points."""
     flat = np.empty(len(points) * 3, np.float32)
     points.foreach_get("co", flat)
     return flat.reshape(-1, 3)

@@ -41,6 +41,7 @@ class RetargetJob:
         self._show_match = show_match
         self.settings = settings
         scope = scope or Scope()
+        scope.check(objects)
         self._source_object = source
         self.objects = tuple(objects)
         self.source = read_source(source, depsgraph, geometry.source_evaluated)

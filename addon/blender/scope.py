@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which vertex groups and vertices of a target an operator may write to."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,10 +17,16 @@ Subset = Literal["ALL", "DEFORM", "SELECTED", "UNLOCKED"]
 
 @dataclass(frozen=True)
 class Scope:
-    """What the user chose to be written; locked groups never are."""
+    """What the user chose to be written; locked groups never are.
+
+    Vertices of the protected group keep their weights. A treatment of loose parts is for those with selected
+    vertices alone where `parts_of_selection`.
+    """
 
     subset: Subset = "DEFORM"
     only_selected_vertices: bool = False
+    protected_group: str = ""
+    parts_of_selection: bool = False
 
     def bones(
         self, ob: bpy.types.Object, armature: bpy.types.Object, groups: GroupWeights, names: tuple[str, ...]
@@ -39,13 +46,24 @@ class Scope:
             return chosen
         return None
 
-    def vertices(self, ob: bpy.types.Object) -> np.ndarray | None:
+    def check(self, objects: Sequence[bpy.types.Object]) -> None:
+        """Raise InputError when none of the objects has the protected group."""
+        if self.protected_group and not any(self.protected_group in ob.vertex_groups for ob in objects):
+            raise InputError(f"There is no vertex group '{self.protected_group}' of vertices to protect.")
+
+    def vertices(self, ob: bpy.types.Object, groups: GroupWeights) -> np.ndarray | None:
         """Which vertices (V,) are chosen, None for all."""
-        if not self.only_selected_vertices:
+        if not self.only_selected_vertices and not self.protected_group:
             return None
-        chosen = np.zeros(len(ob.data.vertices), np.bool_)
-        chosen[selected_vertices(ob)] = True
-        return chosen
+        chosen = _selected(ob) if self.only_selected_vertices else np.ones(len(ob.data.vertices), np.bool_)
+        protected = groups.column(self.protected_group) > 0
+        if chosen.any() and not (chosen & ~protected).any():
+            raise InputError(f"All vertices of '{ob.name}' to write to are in the group '{self.protected_group}'.")
+        return chosen & ~protected
+
+    def part_vertices(self, ob: bpy.types.Object) -> np.ndarray | None:
+        """The vertices (V,) whose loose parts are meant, None for all."""
+        return _selected(ob) if self.parts_of_selection else None
 
     def boneless_groups(
         self, source_groups: tuple[str, ...], target: GroupWeights, bone_names: tuple[str, ...]
@@ -60,10 +78,20 @@ class Scope:
         )
 
 
+def _selected(ob: bpy.types.Object) -> np.ndarray:
+    selected = np.zeros(len(ob.data.vertices), np.bool_)
+    selected[selected_vertices(ob)] = True
+    return selected
+
+
 def selected_bones(armature: bpy.types.Object) -> set[str]:
     """Names of the selected bones; where none is selected, of the active one."""
+    active = armature.data.bones.active
+    return marked_bones(armature) or ({active.name} if active is not None else set())
+
+
+def marked_bones(armature: bpy.types.Object) -> set[str]:
+    """Names of the bones that are selected, outside Edit Mode."""
     # Blender 5.0 keeps the selection on the bones of the pose.
     bones = armature.pose.bones if "select" in bpy.types.PoseBone.bl_rna.properties else armature.data.bones
-    names = {bone.name for bone in bones if bone.select}
-    active = armature.data.bones.active
-    return names or ({active.name} if active is not None else set())
+    return {bone.name for bone in bones if bone.select}

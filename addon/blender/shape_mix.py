@@ -50,3 +50,29 @@ def _points(key: bpy.types.ShapeKey) -> np.ndarray:
     flat = np.empty(len(key.points) * 3, np.float32)
     key.points.foreach_get("co", flat)
     return flat.reshape(-1, 3).astype(np.float64)
+
+
+def acting_keys(ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[dict[str, float], float | None]:
+    """Values of the shape keys other than the skin's that act in an evaluated scene, and the skin key's value.
+
+    The latter is None where the object has no such key.
+    """
+    keys = ob.data.shape_keys
+    if keys is None:
+        return {}, None
+    values = np.empty(len(keys.key_blocks), np.float32)
+    keys.evaluated_get(depsgraph).key_blocks.foreach_get("value", values)
+    acting = {key.name: 0.0 if key.mute else float(value) for key, value in zip(keys.key_blocks, values, strict=True)}
+    own = acting.pop(KEY_NAME, None)
+    acting.pop(keys.reference_key.name, None)
+    return {name: value for name, value in acting.items() if value}, own
+
+
+def key_offsets(ob: bpy.types.Object, names: set[str], groups: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Offsets (V,3) float64 of the named shape keys, limited by their groups, in the order of the keys."""
+    offsets = {}
+    for key in ob.data.shape_keys.key_blocks if names else ():
+        if key.name in names:
+            offset = _points(key) - _points(key.relative_key)
+            offsets[key.name] = offset * groups[key.vertex_group][:, None] if key.vertex_group else offset
+    return offsets

@@ -7,7 +7,7 @@ from threading import RLock
 import bpy
 from bpy.app.handlers import persistent
 
-from .skin_state import registry
+from .skin_state import is_live, registry
 from .skin_update import update_skin
 
 # A render started from a window calls handlers on a thread of its own.
@@ -28,6 +28,13 @@ def _alone():
             yield True
         finally:
             _busy = False
+
+
+@contextmanager
+def paused():
+    """Let frames pass without solving them: for what only reads poses."""
+    with _alone():
+        yield
 
 
 @persistent
@@ -53,7 +60,7 @@ def on_update(_scene, depsgraph):
                 (edited if update.is_updated_shading else shapes).add(id_data.original.name_full)
             elif isinstance(id_data, bpy.types.Armature):
                 armatures.add(id_data.original.name_full)
-            elif isinstance(id_data, bpy.types.Object) and id_data.type == "MESH" and id_data.dermis_skin.enabled:
+            elif isinstance(id_data, bpy.types.Object) and id_data.type == "MESH" and is_live(id_data):
                 unknown |= registry.find(id_data.original) is None
         if unknown:
             registry.rescan()

@@ -12,8 +12,15 @@ from typing import Any
 import bpy
 
 from ..core.skin import Skin, SkinStore
+from .mesh_cache import find_cache
 from .placement import PlacedArmature, Placement
 from .skin_reading import SkinReading
+
+
+def is_live(ob: bpy.types.Object) -> bool:
+    """Whether the object's skin is switched on and not baked. Of an overridden object only the cache tells it."""
+    kept = ob.dermis_skin
+    return kept.enabled and not kept.baked and (ob.override_library is None or find_cache(ob) is None)
 
 
 @dataclass
@@ -99,10 +106,10 @@ class SkinRegistry:
         self._object_count = -1
 
     def objects(self) -> list[bpy.types.Object]:
-        """All objects whose skin is switched on."""
+        """All objects whose skin is live."""
         found = None if self._object_count != len(bpy.data.objects) else self._known()
         if found is None:
-            found = [ob for ob in bpy.data.objects if ob.type == "MESH" and ob.dermis_skin.enabled]
+            found = [ob for ob in bpy.data.objects if ob.type == "MESH" and is_live(ob)]
             self._places = {
                 ob.session_uid: (ob.name, None if ob.library is None else ob.library.filepath) for ob in found
             }
@@ -115,7 +122,7 @@ class SkinRegistry:
         found = []
         for uid, place in self._places.items():
             ob = bpy.data.objects.get(place)
-            if ob is None or ob.session_uid != uid or not ob.dermis_skin.enabled:
+            if ob is None or ob.session_uid != uid or not is_live(ob):
                 return None
             found.append(ob)
         return found

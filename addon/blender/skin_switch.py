@@ -63,6 +63,7 @@ def disable_skins(objects: Sequence[bpy.types.Object]) -> None:
     """Take the skins off again; everything else stays as it is."""
     for ob in objects:
         check_owner(ob)
+        _check_live(ob)
     for ob in objects:
         _take_key(ob)
         registry.forget(ob)
@@ -71,6 +72,7 @@ def disable_skins(objects: Sequence[bpy.types.Object]) -> None:
 def _bind(ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[placement.Placement, str]:
     """Check everything and build the skin, without changing anything."""
     check_owner(ob)
+    _check_live(ob)
     if ob.mode == "EDIT":
         raise InputError(f"'{ob.name}' is in Edit Mode: leave it first.")
     if not ob.dermis_skin.enabled:
@@ -81,6 +83,11 @@ def _bind(ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[placeme
     reading = read_skin(ob, modifier, read_settings(ob), depsgraph, place)
     registry.skin(reading, reading.skin_key(place), place)
     return place, reading.geometry_key
+
+
+def _check_live(ob: bpy.types.Object) -> None:
+    if ob.dermis_skin.baked:
+        raise InputError(f"The skin of '{ob.name}' is baked: use Back to Live first.")
 
 
 def _take_key(ob: bpy.types.Object) -> None:

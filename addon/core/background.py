@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work in a thread of its own, watched and cancelled from the thread that started it."""
+"""Work in a thread of its own, watched and cancelled from the thread that started it.
+
+The native module looks between its steps whether it should stop, and a single step can take seconds. What
+is not wanted any more is therefore abandoned: nobody waits for it or takes its result, and `end_all` joins
+it before the add-on or the process goes.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +13,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+from dermis_native import Cancelled
+
 # How often the thread that waits looks at the working one.
 POLL_SECONDS = 0.05
 
 Result = TypeVar("Result")
+
+# What may still run: threads, and how to ask each to stop.
+_running: dict[threading.Thread, Callable[[], None]] = {}
 
 
 class BackgroundTask(ABC, Generic[Result]):
@@ -20,7 +30,9 @@ class BackgroundTask(ABC, Generic[Result]):
     def __init__(self, name: str) -> None:
         self._outcome: list[Result] = []
         self._failure: BaseException | None = None
-        self._thread = threading.Thread(target=self._guarded, name=name, daemon=True)
+        self._abandoned = False
+        # Python waits for it at its end: a native call must not outlive the interpreter.
+        self._thread = threading.Thread(target=self._guarded, name=name, daemon=False)
 
     @abstractmethod
     def work(self) -> Result:
@@ -37,7 +49,17 @@ class BackgroundTask(ABC, Generic[Result]):
 
     def start(self) -> None:
         """Begin; call once."""
-        self._thread.start()
+        _running[self._thread] = self.cancel
+        try:
+            self._thread.start()
+        except RuntimeError:
+            del _running[self._thread]
+            raise
+
+    def abandon(self) -> None:
+        """Leave the work to end by itself: it is asked to stop, and what it gives is dropped."""
+        self.cancel()
+        self._abandoned = True
 
     def wait(self, seconds: float) -> bool:
         """Wait at most so long; true when the thread has ended."""
@@ -55,7 +77,9 @@ class BackgroundTask(ABC, Generic[Result]):
             raise
 
     def result(self) -> Result:
-        """What `work` gave, after the thread has ended; raises what it raised."""
+        """What `work` gave, after the thread has ended; raises what it raised, or that it was abandoned."""
+        if self._abandoned:
+            raise Cancelled("abandoned")
         self._thread.join()
         if self._failure is not None:
             raise self._failure
@@ -63,6 +87,19 @@ class BackgroundTask(ABC, Generic[Result]):
 
     def _guarded(self) -> None:
         try:
-            self._outcome.append(self.work())
+            outcome = self.work()
+            if not self._abandoned:
+                self._outcome.append(outcome)
         except BaseException as failure:  # noqa: BLE001  (result() raises it where it is awaited)
             self._failure = failure
+        finally:
+            _running.pop(self._thread, None)
+
+
+def end_all() -> None:
+    """Ask all work that still runs to stop, and wait until it has."""
+    left = dict(_running)
+    for cancel in left.values():
+        cancel()
+    for thread in left:
+        thread.join()

@@ -15,8 +15,10 @@ from .bones import native_skeleton
 from .character import BoneWeights, Flags, Integers, Surface, Target
 from .errors import InputError, counted, listed
 from .merge import MergeSettings, check_totals, merge_weights
+from .parts import check_part_vertices, parts_argument
 
 Method = Literal["volumetric", "paper"]
+PartPolicy = Literal["auto", "rigid", "surface", "own"]
 
 
 @dataclass(frozen=True)
@@ -24,11 +26,12 @@ class BindSettings:
     """How weights are found and written.
 
     together: all meshes are one body, so that clothes, eyes and buttons follow what they are on;
-    otherwise each mesh is a body of its own.
+    otherwise each mesh is a body of its own. parts: the treatment of loose parts.
     """
 
     method: Method = "volumetric"
     together: bool = True
+    parts: PartPolicy = "auto"
     merge: MergeSettings = field(default_factory=MergeSettings)
 
 
@@ -69,6 +72,7 @@ class BindTask(BackgroundTask[list[BoundWeights]]):
     def __init__(self, targets: Sequence[Target], settings: BindSettings) -> None:
         super().__init__("dermis-bind")
         check_bind(targets)
+        check_part_vertices(settings.parts, targets)
         self._bodies = [list(targets)] if settings.together else [[target] for target in targets]
         self._settings = settings
         self._progress = [Progress() for _ in self._bodies]
@@ -97,7 +101,7 @@ class BindTask(BackgroundTask[list[BoundWeights]]):
         for body, progress in zip(self._bodies, self._progress, strict=True):
             if progress.cancelled:
                 raise Cancelled("cancelled")
-            found = find_weights(body, self._settings.method, progress)
+            found = find_weights(body, self._settings, progress)
             results += [
                 fit_weights(target, weights, self._settings.merge) for target, weights in zip(body, found, strict=True)
             ]
@@ -105,15 +109,17 @@ class BindTask(BackgroundTask[list[BoundWeights]]):
         return results
 
 
-def find_weights(targets: Sequence[Target], method: Method, progress: Progress) -> list[BoneWeights]:
+def find_weights(targets: Sequence[Target], settings: BindSettings, progress: Progress) -> list[BoneWeights]:
     """Weights of every vertex of each mesh, all meshes taken as one body."""
     names = [target.name for target in targets]
     surface = joined_surface([target.surface for target in targets])
     try:
+        mesh = TriangleMesh.from_polygons(surface.vertices, surface.loop_counts, surface.loop_indices)
         found = bind_weights(
-            TriangleMesh.from_polygons(surface.vertices, surface.loop_counts, surface.loop_indices),
+            mesh,
             native_skeleton(targets[0].bones),
-            method=method,
+            method=settings.method,
+            parts=parts_argument(mesh, settings.parts, "auto", part_vertices(targets)),
             progress=progress,
         )
     except Cancelled:
@@ -130,6 +136,12 @@ def find_weights(targets: Sequence[Target], method: Method, progress: Progress) 
         check_totals(target.name, own, len(target.surface.vertices))
         weights.append(own)
     return weights
+
+
+def part_vertices(targets: Sequence[Target]) -> Flags | None:
+    """The vertices of all meshes whose loose parts are meant, None for all."""
+    chosen = [target.part_vertices for target in targets if target.part_vertices is not None]
+    return np.concatenate(chosen) if len(chosen) == len(targets) else None
 
 
 def joined_surface(surfaces: Sequence[Surface]) -> Surface:

@@ -151,7 +151,8 @@ class Target:
     whose groups must stay as they are. landmarks (k,2) pair a source vertex with a target vertex.
     `only_bones` (B,) and `only_vertices` (V,) restrict what is written, `copied_groups` are the
     source's groups without a bone that are copied too, columns of `copied_existing`; bone_map pairs
-    a source bone with each of its target bones, None to have them found.
+    a source bone with each of its target bones, None to have them found. A treatment of loose parts is
+    for those with one of `part_vertices` (V,), for all with None.
     """
 
     name: str
@@ -163,6 +164,7 @@ class Target:
     landmarks: npt.NDArray[np.int64] | None = None
     only_bones: Flags | None = None
     only_vertices: Flags | None = None
+    part_vertices: Flags | None = None
     copied_groups: tuple[str, ...] = ()
     copied_existing: BoneWeights = field(default_factory=BoneWeights.none)
     bone_map: tuple[BonePair, ...] | None = None

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
 from .bones import HOW, BoneMapping
 from .character import Source
 from .errors import counted, listed
+from .parts import told
 from .retarget import TargetWeights
 
 # Bones that are named before the rest is counted.
@@ -90,13 +93,16 @@ def _extras(values: list[TargetWeights]) -> list[str]:
     limited, seams = sum(value.limited for value in values), sum(value.seams for value in values)
     kept = sum(len(value.status) - len(value.replaced) for value in values)
     part = sum(value.part for value in values)
+    parts: Counter[str] = Counter()
+    for value in values:
+        parts.update(value.parts)
     extras = [
         (part, "of a loose part", "of loose parts"),
         (limited, "vertex limited", "vertices limited"),
         (seams, "seam vertex", "seam vertices"),
     ]
     extras.append((kept, "vertex left as it was", "vertices left as they were"))
-    return [counted(*extra) for extra in extras if extra[0]]
+    return [*(counted(*extra) for extra in extras if extra[0]), *told(parts)]
 
 
 def _mapped(values: list[TargetWeights]) -> list[str]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -22,8 +23,10 @@ from .character import BoneWeights, Flags, Integers, Source, Surface, Target
 from .errors import InputError
 from .merge import MergeSettings, check_totals, merge_weights
 from .mirror import Mirror, blended, left_shares
+from .parts import parts_argument, treatments
 
 Method = Literal["auto", "paper"]
+PartPolicy = Literal["auto", "rigid", "surface", "match"]
 
 # How a vertex got its weights, in `TargetWeights.status`.
 KEPT, MATCHED, FILLED, PART = 0, 1, 2, 3
@@ -37,7 +40,8 @@ class RetargetSettings:
 
     mirror "flip" uses the source's mirror image, "left" and "right" its left or right side for both
     halves; close_seams gives coincident open-edge vertices of all targets equal weights;
-    keep_unmapped keeps the weights of target bones that stand for no source bone, as a lock does.
+    keep_unmapped keeps the weights of target bones that stand for no source bone, as a lock does; parts is
+    the treatment of loose parts.
     """
 
     method: Method = "auto"
@@ -45,6 +49,7 @@ class RetargetSettings:
     mirror: Mirror = "none"
     close_seams: bool = True
     keep_unmapped: bool = False
+    parts: PartPolicy = "auto"
     merge: MergeSettings = field(default_factory=MergeSettings)
 
     @property
@@ -57,7 +62,8 @@ class RetargetSettings:
 class FoundWeights:
     """What the native module found for every vertex of one target, whatever is chosen to be written.
 
-    Columns of `weights` are the target's bones, of `copied` its copied groups; status (V,).
+    Columns of `weights` are the target's bones, of `copied` its copied groups; status (V,); `parts` counts
+    the loose parts by their treatment.
     """
 
     mapping: BoneMapping
@@ -65,6 +71,7 @@ class FoundWeights:
     copied: BoneWeights
     status: npt.NDArray[np.uint8]
     landmarks: int
+    parts: Mapping[str, int]
 
 
 @dataclass(frozen=True)
@@ -75,7 +82,8 @@ class TargetWeights:
     the bones that it holds for; `groups` are the bones that must have a group. Columns of `copied`
     are the target's copied groups. `status` (V,) tells how each vertex's weights were found;
     matched, filled and part count the replaced vertices by it. influences is the most that one vertex
-    has, `limited` how many vertices had more; `seams` how many lie at a seam that was closed.
+    has, `limited` how many vertices had more; `seams` how many lie at a seam that was closed; `parts`
+    how many loose parts were treated in which way.
     """
 
     weights: BoneWeights
@@ -92,6 +100,7 @@ class TargetWeights:
     influences: int
     limited: int
     seams: int = 0
+    parts: Mapping[str, int] = field(default_factory=dict)
 
 
 def check_source(source: Source) -> None:
@@ -129,15 +138,17 @@ def find_weights(source: Source, target: Target, settings: RetargetSettings, pro
     check_source(source)
     mapping = check_target(source, target)
     try:
+        mesh = _native_mesh(target.name, target.surface)
         found = retarget_weights(
             _native_mesh(source.name, source.surface),
             _source_weights(source),
-            _native_mesh(target.name, target.surface),
+            mesh,
             source_skeleton=native_skeleton(source.bones),
             target_skeleton=native_skeleton(target.bones),
             bone_map=mapping.native,
             landmarks=target.landmarks,
             method=settings.method,
+            parts=parts_argument(mesh, settings.parts, "auto", target.part_vertices),
             eigenpairs=settings.eigenpairs,
             progress=progress,
         )
@@ -154,6 +165,7 @@ def find_weights(source: Source, target: Target, settings: RetargetSettings, pro
         copied=_copied(source, target, found.correspondence),
         status=NATIVE_STATUS[found.status],
         landmarks=len(found.landmarks),
+        parts=treatments(found),
     )
 
 
@@ -201,6 +213,7 @@ def fit_weights(target: Target, found: FoundWeights, settings: RetargetSettings,
         influences=int(np.bincount(everything, minlength=1).max()),
         limited=merged.limited,
         seams=seams,
+        parts=found.parts,
     )
 
 

@@ -11,6 +11,7 @@ from dermis_native import Cancelled, Progress
 from .background import BackgroundTask
 from .character import Source, Target
 from .mirror import left_shares, mirrored_source
+from .parts import check_part_vertices
 from .retarget import (
     FoundWeights,
     RetargetSettings,
@@ -33,6 +34,7 @@ class RetargetTask(BackgroundTask[list[TargetWeights]]):
     def __init__(self, source: Source, targets: Sequence[Target], settings: RetargetSettings) -> None:
         super().__init__("dermis-retarget")
         check_source(source)
+        check_part_vertices(settings.parts, targets)
         for target in targets:
             check_target(source, target)
             if settings.runs == 2:

@@ -2,17 +2,16 @@
 """The operator that gives the selected meshes weights for an armature, from its bones alone."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, IntProperty
+from bpy.props import BoolProperty, EnumProperty
 
 from ..blender.bind_job import BindJob
-from ..blender.scope import Scope
 from ..core.bind import BindSettings
-from ..core.merge import MergeSettings
 from .bind_selection import bind_armature, bind_meshes, missing_bind
 from .modal_job import ModalJobOperator
+from .weight_options import WeightOptions
 
 
-class DERMIS_OT_bind_weights(ModalJobOperator, bpy.types.Operator):
+class DERMIS_OT_bind_weights(WeightOptions, ModalJobOperator, bpy.types.Operator):
     """Selected meshes to the active armature."""
 
     bl_idname = "dermis.bind_weights"
@@ -52,43 +51,16 @@ class DERMIS_OT_bind_weights(ModalJobOperator, bpy.types.Operator):
         ),
         default="REST",
     )
-    subset: EnumProperty(
-        name="Subset",
-        description="Vertex groups that are written. Locked groups never are",
+    loose_parts: EnumProperty(
+        name="Loose Parts",
+        description="What becomes of pieces that are not connected to the largest one",
         items=(
-            ("DEFORM", "Deform Bones", "Groups of deforming bones; missing groups are made"),
-            ("SELECTED", "Selected Bones", "Groups of the bones selected in the armature, or of the active one"),
-            ("UNLOCKED", "Unlocked Groups", "Groups that the mesh has and that are not locked; none is made"),
+            ("AUTO", "Auto", "Small ones and those that no bone reaches go with the body, others have their own bones"),
+            ("RIGID", "Rigid", "Each moves as one, like a button or a tooth"),
+            ("SURFACE", "Surface", "Each follows the nearest surface of the body, like a strap or a hair card"),
+            ("OWN", "Own Bones", "Each is bound to the bones that are near, like an arm that is an object of its own"),
         ),
-        default="DEFORM",
-    )
-    other_groups: EnumProperty(
-        name="Other Groups",
-        description="What happens to groups of deforming bones that are neither in the subset nor locked",
-        items=(
-            ("KEEP", "Keep", "They stay exactly as they are; groups of the subset share what is left of a total of 1"),
-            ("SCALE", "Scale", "They give way, so that groups of the subset get their full weight and totals stay 1"),
-        ),
-        default="KEEP",
-    )
-    only_selected: BoolProperty(
-        name="Only Selected Vertices",
-        description="Write the weights of the selected vertices alone; others stay exactly as they are",
-        default=False,
-    )
-    replace: BoolProperty(
-        name="Replace Existing",
-        description="Replace the bone weights that a mesh has; otherwise only vertices without any get weights",
-        default=True,
-    )
-    max_influences: IntProperty(
-        name="Limit Influences",
-        description="Most bones that one vertex may follow; 0 for any number. Game engines often want 4 or 8. "
-        "Weights fade out towards the limit, so that neighbors do not jump",
-        min=0,
-        soft_max=8,
-        max=64,
-        default=0,
+        default="AUTO",
     )
 
     @classmethod
@@ -103,16 +75,16 @@ class DERMIS_OT_bind_weights(ModalJobOperator, bpy.types.Operator):
         """Draw the options of Adjust Last Operation."""
         layout = self.layout
         layout.use_property_split = True
-        for names in (
-            ("method", "use_together", "geometry"),
-            ("subset", "other_groups", "only_selected"),
-            ("replace", "max_influences"),
-        ):
-            column = layout.column(align=True)
-            for name in names:
-                row = column.row()
-                row.active = name != "other_groups" or self.subset != "DEFORM"
-                row.prop(self, name)
+        self.draw_options(
+            layout,
+            bind_meshes(context),
+            (
+                ("method", "use_together", "geometry"),
+                ("loose_parts", "parts_of_selection"),
+                ("subset", "other_groups", "only_selected", "protected_group"),
+                ("replace", "max_influences"),
+            ),
+        )
 
     def job(self, context) -> BindJob:
         """Read and check what is selected."""
@@ -123,14 +95,11 @@ class DERMIS_OT_bind_weights(ModalJobOperator, bpy.types.Operator):
             BindSettings(
                 method=self.method.lower(),
                 together=self.use_together,
-                merge=MergeSettings(
-                    replace=self.replace,
-                    max_influences=self.max_influences or None,
-                    other_groups=self.other_groups.lower(),
-                ),
+                parts=self.parts(),
+                merge=self.merge(),
             ),
             context.evaluated_depsgraph_get(),
-            Scope(self.subset, self.only_selected),
+            self.scope(),
         )
 
     def finished(self, job: BindJob) -> set[str]:

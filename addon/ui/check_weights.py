@@ -85,7 +85,7 @@ class DERMIS_OT_check(RetargetOptions, ModalJobOperator, bpy.types.Operator):
         layout.prop(self, "output")
         layout.prop(self, "use_retarget")
         if self.use_retarget:
-            self.draw_retarget(layout)
+            self.draw_retarget(context)
 
     def job(self, context) -> CheckJob:
         """Read and check what is selected."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators whose work runs in a thread: Blender stays responsive, ESC stops it."""
+"""Operators whose work runs in a thread: Blender stays responsive, ESC ends them at once."""
 
 import bpy
 
@@ -13,7 +13,7 @@ PATIENCE_SECONDS = 0.2
 class ModalJobOperator(DermisOperator):
     """Mixin: `job(context)` reads everything, its `task` works, `finished(job)` writes and reports.
 
-    `doing` names the work in the status bar.
+    `doing` names the work in the status bar. `ended` may ask the user before anything is written.
     """
 
     doing = "Working"
@@ -23,8 +23,17 @@ class ModalJobOperator(DermisOperator):
         job = self.job(context)
         manager = context.window_manager
         manager.progress_begin(0, 100)
+        said = ""
+
+        def show(fraction):
+            nonlocal said
+            manager.progress_update(int(100 * fraction))
+            if bpy.app.background and job.task.stage != said:
+                said = job.task.stage
+                print(f"{self.doing}: {said} ({fraction:.0%})", flush=True)
+
         try:
-            job.run(lambda fraction: manager.progress_update(int(100 * fraction)))
+            job.run(show)
         finally:
             manager.progress_end()
         return self.finished(job)
@@ -36,26 +45,31 @@ class ModalJobOperator(DermisOperator):
         return self.guarded(lambda: self._start(context))
 
     def modal(self, context, event):
-        """Watch the thread; ESC stops it."""
+        """Watch the thread; ESC ends the operator without waiting for it."""
         if event.type == "ESC" and event.value == "PRESS":
-            self._running.task.cancel()
-        elif event.type == "TIMER":
+            self.cancel(context)
+            return self.cancelled()
+        if event.type == "TIMER":
             if self._running.task.wait(0):
                 self._end_modal(context)
-                return self.guarded(lambda: self.finished(self._running))
+                return self.guarded(lambda: self.ended(context, watched=True))
             self._show_progress(context)
         return {"RUNNING_MODAL"}
 
     def cancel(self, context):
         """Blender ends the operator, for instance because another file is opened."""
-        self._running.task.cancel()
+        self._running.task.abandon()
         self._end_modal(context)
+
+    def ended(self, context, watched: bool) -> set[str]:
+        """The work has ended in a window; `watched` says whether events reach the operator already."""
+        return self.finished(self._running)
 
     def _start(self, context) -> set[str]:
         self._running = self.job(context)
         self._running.task.start()
         if self._running.task.wait(PATIENCE_SECONDS):
-            return self.finished(self._running)
+            return self.ended(context, watched=False)
         manager = context.window_manager
         self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
         manager.progress_begin(0, 100)

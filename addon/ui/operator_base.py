@@ -25,7 +25,7 @@ class DermisOperator:
         try:
             return step()
         except Cancelled:
-            self.report({"WARNING"}, f"Cancelled. {NOTHING_CHANGED}")
+            return self.cancelled()
         except InputError as error:
             self.report({"ERROR"}, f"{sentence(str(error))} {NOTHING_CHANGED}")
         except Exception as error:
@@ -34,4 +34,9 @@ class DermisOperator:
                 {"ERROR"},
                 f"Unexpected {type(error).__name__}: {sentence(str(error))} {NOTHING_CHANGED} The console has details.",
             )
+        return {"CANCELLED"}
+
+    def cancelled(self) -> set[str]:
+        """Tell that the user stopped it."""
+        self.report({"WARNING"}, f"Cancelled. {NOTHING_CHANGED}")
         return {"CANCELLED"}

@@ -5,10 +5,9 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
 from ..blender.retarget import TargetChoice
 from ..blender.retarget_job import GeometryChoice, RetargetJob
-from ..blender.scope import Scope
-from ..core.merge import MergeSettings
 from ..core.retarget import RetargetSettings
 from .selection import bone_pairs, landmark_pairs, source_of, targets_of
+from .weight_options import SUBSETS, WeightOptions
 
 GEOMETRY = (
     ("REST", "Rest", "The mesh and the bones as they were made, without shape keys, modifiers and pose"),
@@ -16,7 +15,7 @@ GEOMETRY = (
 )
 
 
-class RetargetOptions:
+class RetargetOptions(WeightOptions):
     """Mixin for operators that retarget, or tell what a retargeting would do."""
 
     method: EnumProperty(
@@ -56,39 +55,25 @@ class RetargetOptions:
         ),
         default="NONE",
     )
+    loose_parts: EnumProperty(
+        name="Loose Parts",
+        description="What becomes of pieces of the target that are not connected to its largest one",
+        items=(
+            ("AUTO", "Auto", "Chosen for each part by its size, its shape and what the source has there"),
+            ("RIGID", "Rigid", "Each moves as one, like an eye, a tooth or a button"),
+            ("SURFACE", "Surface", "Each follows the nearest surface of the body, like lashes, straps and hair cards"),
+            ("MATCH", "Match", "Each is matched with the source like the body, as a garment is"),
+        ),
+        default="AUTO",
+    )
     subset: EnumProperty(
         name="Subset",
         description="Vertex groups of the targets that are written. Locked groups never are",
         items=(
             ("ALL", "All Groups", "Groups of deforming bones, and copies of the source's groups without a bone"),
-            ("DEFORM", "Deform Bones", "Groups of deforming bones; missing groups are made"),
-            (
-                "SELECTED",
-                "Selected Bones",
-                "Groups of the bones selected in the target's armature, or of the active one",
-            ),
-            ("UNLOCKED", "Unlocked Groups", "Groups that the target has and that are not locked; none is made"),
+            *SUBSETS,
         ),
         default="DEFORM",
-    )
-    other_groups: EnumProperty(
-        name="Other Groups",
-        description="What happens to groups of deforming bones that are neither in the subset nor locked",
-        items=(
-            ("KEEP", "Keep", "They stay exactly as they are; groups of the subset share what is left of a total of 1"),
-            ("SCALE", "Scale", "They give way, so that groups of the subset get their full weight and totals stay 1"),
-        ),
-        default="KEEP",
-    )
-    only_selected: BoolProperty(
-        name="Only Selected Vertices",
-        description="Write the weights of the targets' selected vertices alone; others stay exactly as they are",
-        default=False,
-    )
-    replace: BoolProperty(
-        name="Replace Existing",
-        description="Replace the bone weights that the target has; otherwise only vertices without any get weights",
-        default=True,
     )
     keep_unmapped: BoolProperty(
         name="Keep Unmapped Bones",
@@ -103,15 +88,6 @@ class RetargetOptions:
         max=1.0,
         default=1.0,
         subtype="FACTOR",
-    )
-    max_influences: IntProperty(
-        name="Limit Influences",
-        description="Most bones that one vertex may follow; 0 for any number. Game engines often want 4 or 8. "
-        "Weights fade out towards the limit, so that neighbors do not jump",
-        min=0,
-        soft_max=8,
-        max=64,
-        default=0,
     )
     close_seams: BoolProperty(
         name="Close Seams",
@@ -128,19 +104,19 @@ class RetargetOptions:
         default=100,
     )
 
-    def draw_retarget(self, layout):
+    def draw_retarget(self, context):
         """Draw these options."""
-        for names in (
-            ("method", "mirror", "use_landmarks", "use_bone_map", "eigenpairs"),
-            ("source_geometry", "target_geometry"),
-            ("subset", "other_groups", "only_selected"),
-            ("replace", "keep_unmapped", "mix_factor", "max_influences", "close_seams"),
-        ):
-            column = layout.column(align=True)
-            for name in names:
-                row = column.row()
-                row.active = name != "other_groups" or self.subset in ("SELECTED", "UNLOCKED")
-                row.prop(self, name)
+        self.draw_options(
+            self.layout,
+            targets_of(context),
+            (
+                ("method", "mirror", "use_landmarks", "use_bone_map", "eigenpairs"),
+                ("source_geometry", "target_geometry"),
+                ("loose_parts", "parts_of_selection"),
+                ("subset", "other_groups", "only_selected", "protected_group"),
+                ("replace", "keep_unmapped", "mix_factor", "max_influences", "close_seams"),
+            ),
+        )
 
     def retarget_job(self, context, show_match: bool = False) -> RetargetJob:
         """Read and check what is selected."""
@@ -163,14 +139,10 @@ class RetargetOptions:
                 mirror=self.mirror.lower(),
                 close_seams=self.close_seams,
                 keep_unmapped=self.keep_unmapped,
-                merge=MergeSettings(
-                    replace=self.replace,
-                    mix=self.mix_factor,
-                    max_influences=self.max_influences or None,
-                    other_groups=self.other_groups.lower(),
-                ),
+                parts=self.parts(),
+                merge=self.merge(self.mix_factor),
             ),
             context.evaluated_depsgraph_get(),
-            Scope(self.subset, self.only_selected),
+            self.scope(),
             show_match,
         )

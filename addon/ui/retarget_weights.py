@@ -52,7 +52,7 @@ class DERMIS_OT_retarget_weights(RetargetOptions, ModalJobOperator, bpy.types.Op
         """Draw the options of Adjust Last Operation."""
         layout = self.layout
         layout.use_property_split = True
-        self.draw_retarget(layout)
+        self.draw_retarget(context)
         column = layout.column(align=True)
         column.prop(self, "select_filled")
         column.prop(self, "show_match")

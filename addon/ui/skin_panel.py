@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..blender.bake_state import is_baked
 from ..blender.skin_key import find_key
 from ..blender.skin_reading import skin_lines
 from ..blender.skin_state import registry
@@ -86,6 +87,9 @@ class DERMIS_PT_skin_settings(SidebarPanel, bpy.types.Panel):
 
 
 def _draw_skin(layout, ob, title, context):
+    if is_baked(ob):
+        layout.label(text=f"{title}: baked" if title == ob.name else "Baked", icon="CHECKMARK")
+        return
     key = find_key(ob)
     if key is None:
         layout.label(text=title, icon="OUTLINER_OB_MESH")

@@ -182,6 +182,17 @@ class DermisSkin(bpy.types.PropertyGroup):
     enabled: BoolProperty(
         name="Enabled", description="Whether the object has a PBD skin; use the operators", options={"HIDDEN"}
     )
+    baked: StringProperty(
+        name="Baked",
+        description="What stands in for the live skin: CACHE, KEYS, WEIGHTS or nothing; use the operators",
+        options={"HIDDEN"},
+    )
+    key_was_muted: BoolProperty(
+        name="Key Was Muted", description="Whether the skin's key was muted before it was baked", options={"HIDDEN"}
+    )
+    baked_keys: StringProperty(
+        name="Baked Keys", description="Shape keys that stand in for the live skin, one a line", options={"HIDDEN"}
+    )
     made_basis: BoolProperty(
         name="Made Basis", description="Whether the skin brought the Basis shape key", options={"HIDDEN"}
     )

@@ -15,11 +15,16 @@ import numpy.typing as npt
 _Floats = npt.NDArray[np.floating[Any]]
 _Integers = npt.NDArray[np.integer[Any]]
 
+_RetargetPart = Literal["auto", "rigid", "surface", "match"]
+_BindPart = Literal["auto", "rigid", "surface", "own"]
+_Choice = npt.NDArray[np.bool_] | _Integers | Sequence[int] | Sequence[bool]
+
 __all__ = [
     "BiharmonicDistance",
     "BoneMap",
     "Cancelled",
     "DermisError",
+    "FittedSkeleton",
     "NumericalError",
     "PbdSkin",
     "Progress",
@@ -33,6 +38,7 @@ __all__ = [
     "bind_weights",
     "dual_quaternion_skinning",
     "eigenpairs",
+    "fit_skeleton",
     "laplacian",
     "linear_blend_skinning",
     "map_bones",
@@ -227,6 +233,17 @@ class RetargetResult:
         `status == 0`.
         """
     @property
+    def part(self) -> npt.NDArray[np.uint32]:
+        """Loose part of each vertex (Vt,): what is connected once seams that only an export had opened
+        are closed, numbered by smallest vertex. Empty by method "paper", which knows no parts.
+        """
+    @property
+    def part_policies(self) -> list[str]:
+        """What became of each part: "rigid", "surface" or "match"."""
+    @property
+    def body(self) -> int | None:
+        """The part that is the body, the one of the largest area; None by method "paper"."""
+    @property
     def landmarks(self) -> npt.NDArray[np.int64]:
         """Landmark pairs used (k,2): source vertex, target vertex."""
 
@@ -240,6 +257,7 @@ def retarget_weights(
     bone_map: BoneMap | None = None,
     landmarks: _Integers | None = None,
     method: Literal["auto", "paper"] = "auto",
+    parts: _RetargetPart | Sequence[_RetargetPart] | None = None,
     max_influences: int | None = None,
     eigenpairs: int = 100,
     progress: Progress | None = None,
@@ -257,6 +275,13 @@ def retarget_weights(
     landmarks (k,2) pairs a source vertex with a target vertex; "auto" adds its own to them, "paper"
     uses them instead of its own. With both skeletons, bones are paired by `map_bones` unless
     `bone_map` is given.
+
+    parts says what becomes of loose parts of the target: "rigid" gives a part one row of weights,
+    "surface" every vertex those of the nearest point of the body, "match" matches it with the source
+    like the body (one without any match follows the surface after all), "auto" and None choose. One
+    name is for all parts but the body; a sequence has one for each component as
+    `TriangleMesh.components` numbers them, and there the body is what it is said to be. Components
+    that coincident open edges make one part must not contradict each other. "auto" method alone.
     """
 
 def bind_weights(
@@ -264,8 +289,11 @@ def bind_weights(
     skeleton: Skeleton,
     *,
     method: Literal["volumetric", "paper"] = "volumetric",
+    parts: _BindPart | Sequence[_BindPart] | None = None,
     max_influences: int | None = None,
-    bones: npt.NDArray[np.bool_] | _Integers | Sequence[int] | Sequence[bool] | None = None,
+    bones: _Choice | None = None,
+    protected: _Choice | None = None,
+    weights: SkinWeights | None = None,
     progress: Progress | None = None,
 ) -> SkinWeights:
     """Weights for a mesh that has none, from its skeleton alone.
@@ -279,6 +307,58 @@ def bind_weights(
 
     bones chooses those that take part, as a mask (B,) or as indices; None takes all. max_influences
     limits the bones of a vertex; weights fade out before they are cut off. Rows sum to 1.
+
+    parts says what becomes of loose parts, for all but the body or for each component as in
+    `retarget_weights`: "rigid" (one row of weights), "surface" (each vertex follows the nearest point
+    of the body), "own" (bound to the bones by itself), or "auto": small parts and those that no bone
+    reaches go with the body, others are bound by themselves. "volumetric" alone.
+
+    protected vertices, as a mask (V,) or as indices, keep their rows of `weights` (V,B) bit for bit,
+    whatever these sum to.
+    """
+
+@final
+class FittedSkeleton:
+    """What `fit_skeleton` found."""
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """The template's bones, parents and names at their fitted rest positions in the mesh's space."""
+    @property
+    def method(self) -> Literal["embedding", "template"]:
+        """Embedded into the shape, or only scaled and moved as a whole with its joints pulled inside."""
+    @property
+    def score(self) -> float:
+        """How well the skeleton fits, 0 to 1: joints and bones well inside, lengths plausible."""
+    @property
+    def message(self) -> str:
+        """One sentence about what was not found or why the template was only scaled; empty when all is well."""
+    @property
+    def found(self) -> npt.NDArray[np.bool_]:
+        """(B,) True where the shape placed the bone, False where it was carried along."""
+    @property
+    def symmetric(self) -> bool:
+        """Whether a mirror plane of mesh and template was used."""
+
+def fit_skeleton(
+    mesh: TriangleMesh,
+    template: Skeleton,
+    *,
+    deform: npt.NDArray[np.bool_] | Sequence[bool] | None = None,
+    fixed: npt.NDArray[np.bool_] | Sequence[bool] | None = None,
+    symmetric: bool | None = None,
+    progress: Progress | None = None,
+) -> FittedSkeleton:
+    """Fit a template skeleton into a mesh, after Baran & Popović (2007).
+
+    Both stand upright and face the same way; place, size, proportions and the angles of the limbs may
+    differ. deform (B,) marks the bones that follow the body, None all; the others, such as controls,
+    are carried along. Bones that fixed (B,) marks keep their heads and tails exactly. symmetric says
+    whether to use the mirror plane; None uses it where mesh and template have one. Connected bones
+    stay connected.
+
+    Where the shape and the template do not agree, or the mesh encloses no volume, the template is
+    scaled and moved as a whole; `method`, `score` and `message` say so.
     """
 
 def linear_blend_skinning(vertices: _Floats, weights: SkinWeights, transforms: _Floats) -> npt.NDArray[np.float32]:

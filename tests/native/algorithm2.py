@@ -45,15 +45,21 @@ def decompose(vertices, skeleton, takes_part, joint_radius=0.3):
     lengths = np.linalg.norm(tails - heads, axis=1)
     along = np.einsum("vbi,bi->vb", vertices[:, None] - heads, tails - heads) / np.maximum(lengths**2, 1e-300)
     nearest = heads + np.clip(along, 0, 1)[..., None] * (tails - heads)
-    to_bone = np.linalg.norm(vertices[:, None] - nearest, axis=2)
+    offset = vertices[:, None] - nearest
+    to_bone = np.linalg.norm(offset, axis=2)
     to_bone[:, ~takes_part] = np.inf
+    # Of bones that are equally near, the one in whose direction the vertex lies.
+    inward = (heads + tails) / 2 - nearest
+    lengths_of_both = np.maximum(np.linalg.norm(inward, axis=2) * to_bone, 1e-300)
+    leaning = np.einsum("vbi,vbi->vb", offset, inward) / lengths_of_both
+    leaning[to_bone > to_bone.min(axis=1, keepdims=True) * (1 + 1e-9)] = -np.inf
     is_joint = takes_part & (parents >= 0) & takes_part[parents]
     radius = joint_radius * np.minimum(lengths, lengths[parents])
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.linalg.norm(vertices[:, None] - heads, axis=2) / radius
     relative[:, ~(is_joint & (radius > 0))] = np.inf
     inside = relative.min(axis=1) <= 1
-    bones = np.where(inside, relative.argmin(axis=1), to_bone.argmin(axis=1))
+    bones = np.where(inside, relative.argmin(axis=1), leaning.argmax(axis=1))
     return np.stack([np.where(inside, 0, 1), bones], axis=1)
 
 

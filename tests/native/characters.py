@@ -4,6 +4,7 @@ Everything is a `makehuman.Character`. The bodies that MakeHuman's data makes ar
 others come from a folder of characters beside the checkout and are left out where it is missing.
 """
 
+import itertools
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -12,12 +13,14 @@ from pathlib import Path
 
 import makehuman
 import numpy as np
+from bad_characters import subdivided
 from deformation import turned
 from dermis_native import Skeleton, SkinWeights, TriangleMesh, linear_blend_skinning
 
 SHARED = Path(__file__).resolve().parents[2] / ".." / "shared" / "data"
 
 TRIANGLES = 12_000  # of a decimated target
+LARGE_TRIANGLES = 200_000
 POSES = 12
 POSE_DEGREES = 25.0  # standard deviation of a bone's turn in a random pose
 JOINT_ERROR = 0.01  # of the height
@@ -77,6 +80,21 @@ def remeshed(character, triangles=TRIANGLES, seed=1):
     if len(character.triangles) > triangles:
         character = makehuman.decimated(character, triangles)
     return makehuman.permuted(character, seed)
+
+
+def refined(character, triangles):
+    """The same body with more triangles: every one cut in four, then decimated to the number."""
+    vertices, faces = character.vertices, character.triangles
+    while len(faces) <= triangles:
+        vertices, faces = subdivided(vertices, faces)
+    fine = replace(
+        character,
+        vertices=vertices,
+        loop_counts=np.full(len(faces), 3, dtype=np.int64),
+        loop_indices=np.ascontiguousarray(faces.ravel(), dtype=np.int64),
+        weights=makehuman.interpolated_weights(character, vertices),
+    )
+    return makehuman.decimated(fine, triangles)
 
 
 def posed(character, degrees=REST_POSE):
@@ -174,25 +192,44 @@ def shared_pairs():
     """Pairs by name of the characters beside the checkout; empty without them."""
     if not SHARED.is_dir():
         return {}
-    names = {
-        "wolf_husky": ("quat_wolf", "quat_husky"),
-        "husky_wolf": ("quat_husky", "quat_wolf"),
-        "male_zombie": ("m2m_human_male", "m2m_zombie"),
-        "zombie_male": ("m2m_zombie", "m2m_human_male"),
-        "default_dec6k": ("mh_default", "mh_child_dec6k"),
-        "default_male1591": ("mh_default", "mh_default_male1591"),
-        "default_tights": ("mh_default", "mh_default_tights", True),
-        "heavy_casualsuit": ("mh_heavy", "mh_heavy_casualsuit04", True),
-        "mixamo_default": ("mh_default_rig_mixamo", "mh_default_rig_default"),
-        "default_mixamo": ("mh_default_rig_default", "mh_default_rig_mixamo"),
-        "game_mixamo": ("mh_default", "mh_default_rig_mixamo"),
-    }
-    return {name: _between(*pair) for name, pair in names.items()}
+    animals = {"wolf": "quat_wolf", "husky": "quat_husky"}
+    humans = {"male": "m2m_human_male", "zombie": "m2m_zombie"}
+    bodies = {"default": "mh_default", "child": "mh_child", "heavy": "mh_heavy"}
+    others = {"dec6k": "mh_child_dec6k", "male1591": "mh_default_male1591"}
+    garments = {"tights": "mh_default_tights", "casualsuit": "mh_heavy_casualsuit04"}
+    rigs = {"mixamo": "mh_default_rig_mixamo", "default": "mh_default_rig_default", "game": "mh_default"}
+    pairs = {}
+    for family, targets in (
+        (animals, animals),
+        (humans, humans),
+        ({name: bodies[name] for name in ("default", "heavy")}, garments),
+        (bodies, bodies | others),
+        (rigs, rigs),
+    ):
+        for source, target in itertools.product(family, targets):
+            if family[source] != targets[target]:
+                worn = (source, target) in (("default", "tights"), ("heavy", "casualsuit"))
+                pairs[f"{source}_{target}"] = _between(family[source], targets[target], worn)
+    return pairs
+
+
+def large_pairs():
+    """Pairs by name of 100,000 vertices on either side."""
+
+    def make():
+        source, target = (
+            refined(body(name, **macro), LARGE_TRIANGLES)
+            for name, macro in (("male", makehuman.YOUNG_MALE), ("child", makehuman.CHILD))
+        )
+        target = makehuman.permuted(target, 1)
+        return Pair(source, target, target)
+
+    return {"child_100k": make}
 
 
 def pairs():
     """All pairs that can be made here, by name."""
-    return makehuman_pairs() | shared_pairs()
+    return makehuman_pairs() | shared_pairs() | large_pairs()
 
 
 def random_poses(character, count=POSES, seed=7):

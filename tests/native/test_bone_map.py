@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dermis_native import BoneMap, Skeleton, SkinWeights, map_bones, retarget_weights
+from dermis_native import BoneMap, RetargetError, Skeleton, SkinWeights, map_bones, retarget_weights
 from surfaces import adult, child, skin
 
 DATA = Path(__file__).resolve().parents[2] / ".." / "shared" / "data"
@@ -206,3 +206,10 @@ def test_transfer_checks_its_counts():
     aligned = bone_map.aligned_skeleton(skeleton, skeleton)
     assert np.array_equal(aligned.heads, skeleton.heads)
     assert np.array_equal(aligned.tails, skeleton.tails)
+
+
+def test_skeletons_without_anything_in_common_are_listed_side_by_side():
+    heads = np.array([[0.0, 0, 0], [0, 0, 1]])
+    ends = heads, np.add(heads, (0, 0, 1)), [-1, 0]
+    with pytest.raises(RetargetError, match='source: "hip", "arm"; target: "a", "b"'):
+        BoneMap(Skeleton(*ends, ["hip", "arm"]), Skeleton(*ends, ["a", "b"]), [[], []])

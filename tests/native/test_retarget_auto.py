@@ -32,12 +32,9 @@ BOUNDS = {
     "random_3": 0.11,
 }
 # Weights that another hand has painted: part of the error is taste.
-SHARED_BOUNDS = [
-    pytest.param("wolf_husky", 0.42, marks=pytest.mark.xfail(strict=True, reason="0.424 is reached")),
-    ("male_zombie", 0.38),
-]
+SHARED_BOUNDS = {"wolf_husky": 0.42, "husky_wolf": 0.42, "male_zombie": 0.15, "zombie_male": 0.25}
 # Garments on their wearers, whose weights were made by the closest point of the body.
-WORN_BOUNDS = {"default_tights": 0.06, "heavy_casualsuit": 0.09}
+WORN_BOUNDS = {"default_tights": 0.05, "heavy_casualsuit": 0.075}
 
 
 def run(pair, **options):
@@ -71,18 +68,19 @@ def test_bodies_of_other_proportions_and_rest_poses(name):
         assert characters.misplaced(pair.target, dense).mean() <= 0.002
 
 
-@pytest.mark.parametrize(("name", "bound"), SHARED_BOUNDS)
-def test_characters_painted_by_other_hands(name, bound):
+@pytest.mark.parametrize("name", SHARED_BOUNDS)
+def test_characters_painted_by_other_hands(name):
     make = characters.shared_pairs().get(name)
     if make is None:
         pytest.skip("the characters beside the checkout are not there")
     pair = make()
     dense = check(run(pair), len(pair.target.vertices))
     error = characters.l1_error(dense, pair.target.weights).mean()
-    assert error <= bound
+    assert error <= SHARED_BOUNDS[name]
     mesh, skeleton = characters.mesh_of(pair.target), characters.skeleton_of(pair.target)
-    skeleton_alone = bind_weights(mesh, skeleton, method="paper").to_dense()
-    assert error < characters.l1_error(skeleton_alone, pair.target.weights).mean()
+    for method in ("paper", "volumetric"):
+        alone = bind_weights(mesh, skeleton, method=method, bones=pair.target.weights.any(axis=0)).to_dense()
+        assert error < characters.l1_error(alone, pair.target.weights).mean()
 
 
 @pytest.mark.parametrize("name", WORN_BOUNDS)
@@ -93,6 +91,38 @@ def test_garments_on_their_wearers(name):
     pair = make()
     dense = check(run(pair), len(pair.target.vertices))
     assert characters.l1_error(dense, pair.target.weights).mean() <= WORN_BOUNDS[name]
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_shapes_that_differ_are_bound_as_the_source_was(share):
+    """A long thin worm's weights for a short fat one of other bones' lengths: what the bind says, not the match."""
+    source, source_skeleton = worm(4.0, 0.25, 0.5)
+    target, target_skeleton = worm(2.0, 0.5, 0.35, wavy=0.6)
+    bound = [bind_weights(mesh, rig).to_dense() for mesh, rig in ((source, source_skeleton), (target, target_skeleton))]
+    marked = bound[0].copy()
+    # Painted by hand on top: the last bone's tip moves with the first.
+    tip = source.vertices[:, 2] > 3.8
+    marked[tip] = (1 - share) * marked[tip] + share * np.eye(2)[0]
+    skeletons = {"source_skeleton": source_skeleton, "target_skeleton": target_skeleton}
+    found = check(retarget_weights(source, SkinWeights.from_dense(marked), target, **skeletons), len(target.vertices))
+    away = target.vertices[:, 2] < 1.5
+    assert characters.l1_error(found, bound[1])[away].mean() < 0.1
+
+
+def worm(length, radius, joint, wavy=0.0):
+    """A closed tube along z whose radius swells and shrinks, with two bones that meet at a share of its length."""
+    around, along = 24, 48
+    angle, height = np.meshgrid(np.arange(around) * 2 * np.pi / around, np.linspace(0, 1, along))
+    wide = radius * (1 + wavy * np.sin(14 * height)) * np.sqrt(np.clip(1 - (2 * height - 1) ** 8, 0.04, None))
+    vertices = np.stack([wide * np.cos(angle + 0.1), wide * np.sin(angle + 0.1), length * height], axis=-1)
+    vertices = vertices.reshape(-1, 3)
+    v = np.arange(around * along).reshape(along, around)
+    a, b, c, d = v[:-1], np.roll(v[:-1], -1, 1), np.roll(v[1:], -1, 1), v[1:]
+    sides = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    rim = lambda ring, turn: np.stack([np.full(around - 2, ring[0]), ring[1:-1], ring[2:]], -1)[:, ::turn]  # noqa: E731
+    triangles = np.concatenate([sides, rim(v[0], -1), rim(v[-1], 1)])
+    middle = [0, 0, joint * length]
+    return TriangleMesh(vertices, triangles), Skeleton([[0, 0, 0], middle], [middle, [0, 0, length]], [-1, 0])
 
 
 def adult_and_child(triangles=1200):

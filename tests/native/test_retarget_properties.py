@@ -86,20 +86,20 @@ def renumbered(character, seed):
     return (vertices[order], corners, *rest, weights[order]), order
 
 
+@pytest.mark.parametrize("method", METHODS)
 @settings(max_examples=6, deadline=None)
 @given(seeds, scales)
-def test_a_target_elsewhere(seed, scale):
-    # Not the paper's method: a vertex beyond a joint is as near to either bone there, and rounding decides.
+def test_a_target_elsewhere(method, seed, scale):
     source, target = characters()
-    assert_equal(retargeted(source, moved(target, seed, scale), "auto"), plain("auto"))
+    assert_equal(retargeted(source, moved(target, seed, scale), method), plain(method))
 
 
+@pytest.mark.parametrize("method", METHODS)
 @settings(max_examples=4, deadline=None)
 @given(seeds, scales)
-def test_a_source_elsewhere(seed, scale):
-    # Not the paper's method: a vertex beyond a joint is as near to either bone there, and rounding decides.
+def test_a_source_elsewhere(method, seed, scale):
     source, target = characters()
-    assert_equal(retargeted(moved(source, seed, scale), target, "auto"), plain("auto"))
+    assert_equal(retargeted(moved(source, seed, scale), target, method), plain(method))
 
 
 @pytest.mark.parametrize("method", METHODS)

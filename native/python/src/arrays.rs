@@ -91,22 +91,38 @@ pub(crate) fn matrix<T: numpy::Element>(
     PyArray1::from_vec(py, flat).reshape([rows, columns])
 }
 
-/// A choice of bones, as a mask (B,) of booleans or as indices (n,), as a mask.
-pub(crate) fn chosen_bones(argument: &Bound<'_, PyAny>, bone_count: usize) -> PyResult<Vec<bool>> {
+/// A mask of booleans over all `count` elements. `name` is the argument's.
+pub(crate) fn mask(
+    argument: &Bound<'_, PyAny>,
+    name: &str,
+    expected: &str,
+    count: usize,
+) -> PyResult<Vec<bool>> {
+    let mask = convert(argument, name, "b", "bool", expected)?;
+    let mask: PyReadonlyArrayDyn<'_, bool> = checked(mask.extract()?, name, &[Some(count)])?;
+    Ok(mask.as_slice()?.to_vec())
+}
+
+/// A choice among `count` elements, as a mask of booleans or as indices (n,), as a mask. `name` is the
+/// argument's, `elements` what is chosen.
+pub(crate) fn chosen(
+    argument: &Bound<'_, PyAny>,
+    name: &str,
+    elements: &str,
+    count: usize,
+) -> PyResult<Vec<bool>> {
     let numpy = argument.py().import(intern!(argument.py(), "numpy"))?;
     let array = numpy.call_method1("asarray", (argument,))?;
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     if kind == "b" {
-        let mask = convert(&array, "bones", "b", "bool", "booleans or indices")?;
-        let mask: PyReadonlyArrayDyn<'_, bool> = checked(mask.extract()?, "bones", &[Some(bone_count)])?;
-        return Ok(mask.as_slice()?.to_vec());
+        return mask(&array, name, "booleans or indices", count);
     }
-    let mut mask = vec![false; bone_count];
+    let mut mask = vec![false; count];
     if array.len()? > 0 {
-        for (at, bone) in indices(&array, "bones")?.into_iter().enumerate() {
-            let slot = usize::try_from(bone).ok().and_then(|bone| mask.get_mut(bone));
+        for (at, index) in indices(&array, name)?.into_iter().enumerate() {
+            let slot = usize::try_from(index).ok().and_then(|index| mask.get_mut(index));
             *slot.ok_or_else(|| {
-                PyValueError::new_err(format!("bones[{at}] is {bone}, but there are {bone_count} bones"))
+                PyValueError::new_err(format!("{name}[{at}] is {index}, but there are {count} {elements}"))
             })? = true;
         }
     }

@@ -58,13 +58,13 @@ pub(crate) fn retarget_error(error: dermis::retarget::RetargetError) -> PyErr {
         Error::Bind(error) => bind_error(error),
         Error::LandmarkOutOfRange { .. }
         | Error::WeightCounts { .. }
+        | Error::Parts(_)
+        | Error::PartsByPaper
         | Error::Mesh { .. }
         | Error::MapWithoutSkeletons => value_error(error),
-        Error::NoWeights
-        | Error::BoneCounts { .. }
-        | Error::UnmatchedBones { .. }
-        | Error::LandmarkOnOtherComponent { .. }
-        | Error::TooFewLandmarks { .. } => RetargetError::new_err(error.to_string()),
+        Error::NoWeights | Error::LandmarkOnOtherComponent { .. } | Error::TooFewLandmarks { .. } => {
+            RetargetError::new_err(error.to_string())
+        }
     }
 }
 

@@ -10,6 +10,7 @@ mod bone_map;
 mod cage;
 mod choices;
 mod errors;
+mod fit;
 mod mesh;
 mod pbd;
 mod poses;
@@ -31,6 +32,8 @@ mod dermis_native {
     use super::cage::{PyTetMesh, tetrahedralize};
     #[pymodule_export]
     use super::errors::{Cancelled, DermisError, NumericalError, RetargetError};
+    #[pymodule_export]
+    use super::fit::{PyFittedSkeleton, fit_skeleton};
     #[pymodule_export]
     use super::mesh::PyTriangleMesh;
     #[pymodule_export]

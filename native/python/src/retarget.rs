@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::{integers, matrix};
 use crate::bone_map::PyBoneMap;
+use crate::choices::{PARTS, choose_parts, name_of};
 use crate::errors::{retarget_error, value_error};
 use crate::mesh::PyTriangleMesh;
 use crate::progress::{PyProgress, shared};
@@ -49,6 +50,28 @@ impl PyRetargetResult {
         PyArray1::from_vec(py, self.0.origin.iter().map(code).collect())
     }
 
+    /// Loose part of each vertex (Vt,), numbered by their smallest vertex; empty by method "paper".
+    #[getter]
+    fn part<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        let mut part = vec![0; if self.0.parts.is_empty() { 0 } else { self.0.matched.len() }];
+        for (index, each) in (0..).zip(&self.0.parts) {
+            each.vertices.iter().for_each(|&v| part[v as usize] = index);
+        }
+        PyArray1::from_vec(py, part)
+    }
+
+    /// What became of each part: "rigid", "surface" or "match".
+    #[getter]
+    fn part_policies(&self) -> Vec<&'static str> {
+        self.0.parts.iter().filter_map(|part| name_of(&part.policy, &PARTS)).collect()
+    }
+
+    /// The part that is the body, None by method "paper".
+    #[getter]
+    fn body(&self) -> Option<usize> {
+        self.0.parts.iter().position(|part| part.is_body)
+    }
+
     /// Landmark pairs used (k,2): source vertex, target vertex.
     #[getter]
     fn landmarks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
@@ -61,7 +84,7 @@ impl PyRetargetResult {
 #[pyfunction]
 #[pyo3(signature = (
     source, source_weights, target, *, source_skeleton=None, target_skeleton=None, bone_map=None,
-    landmarks=None, method="auto", max_influences=None, eigenpairs=100, progress=None
+    landmarks=None, method="auto", parts=None, max_influences=None, eigenpairs=100, progress=None
 ))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of a Python function")]
 pub(crate) fn retarget_weights(
@@ -74,6 +97,7 @@ pub(crate) fn retarget_weights(
     bone_map: Option<&PyBoneMap>,
     landmarks: Option<&Bound<'_, PyAny>>,
     method: &str,
+    parts: Option<&Bound<'_, PyAny>>,
     max_influences: Option<usize>,
     eigenpairs: usize,
     progress: Option<&PyProgress>,
@@ -87,7 +111,8 @@ pub(crate) fn retarget_weights(
         return Err(value_error("max_influences must be at least 1, or None for any number"));
     }
     let landmarks = landmarks.map(landmark_pairs).transpose()?;
-    let settings = Settings { method, max_influences, eigenpairs };
+    let parts = parts.map(|parts| choose_parts(parts, &PARTS)).transpose()?.unwrap_or_default();
+    let settings = Settings { method, max_influences, eigenpairs, parts };
     let progress = shared(progress);
     py.detach(|| {
         retarget::retarget_weights(

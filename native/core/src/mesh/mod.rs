@@ -6,6 +6,7 @@
 mod adjacency;
 mod closest_point;
 mod error;
+mod part_choice;
 mod polygons;
 mod submesh;
 mod topology;
@@ -14,6 +15,7 @@ mod triangle_mesh;
 pub use adjacency::Adjacency;
 pub use closest_point::{ClosestPoint, RayHit, SurfaceQuery};
 pub use error::MeshError;
+pub use part_choice::{PartChoice, PartChoiceError, ResolvedChoice};
 pub use polygons::triangulate_polygons;
 pub use submesh::{Submesh, weld_seams};
 pub use topology::Topology;

@@ -12,7 +12,7 @@ use crate::skinning::SkinWeights;
 const GIRTH_FAN: Fan<'static> = Fan { stations: &[0.1, 0.3, 0.5, 0.7, 0.9], directions: 8 };
 
 /// Aligns a source with `aligned`, the same bones in the target's rest pose. Returns also how much
-/// each bone (B) should rely on the target's skeleton rather than on the source.
+/// the shapes differ, 0 to 1.
 ///
 /// # Errors
 /// [`RetargetError`] when the fit fails or was cancelled.
@@ -24,7 +24,7 @@ pub(super) fn align<'a>(
     target: Surroundings<'_>,
     aligned: Skeleton,
     progress: &Progress,
-) -> Result<(Alignment<'a>, Vec<f64>), RetargetError> {
+) -> Result<(Alignment<'a>, f64), RetargetError> {
     let bone_count = skeleton.bone_count();
     let zeros = vec![0.0; bone_count];
     let mut alignment = Alignment {
@@ -40,6 +40,6 @@ pub(super) fn align<'a>(
     let rays =
         shoot((source, skeleton, weights), (target, &alignment.aligned, &rotations), takes_part, &GIRTH_FAN);
     alignment.log_girths = log_girths(&rays, bone_count);
-    let shares = refine(&mut alignment, target, target.shell.extent, &FitSettings::default(), progress)?;
-    Ok((alignment, shares))
+    let difference = refine(&mut alignment, target, target.shell.extent, &FitSettings::default(), progress)?;
+    Ok((alignment, difference))
 }

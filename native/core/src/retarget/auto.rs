@@ -5,6 +5,7 @@ use glam::DVec3;
 
 use super::alignment::align;
 use super::deform::{DeformSettings, Deformer};
+use super::differing_shapes::Differing;
 use super::icp::{IcpSettings, Surroundings, register};
 use super::joint_refinement::Alignment;
 use super::landmarks::check_landmarks;
@@ -12,9 +13,10 @@ use super::marks::{Anchor, Constraint};
 use super::ray_marks::{RayMark, ray_marks};
 use super::rejection::RejectionSettings;
 use super::shell::Shell;
-use super::similarity::{distance_to, similar};
+use super::similarity::{POINTS, distance_to, similar};
+use super::surface_sample::samples;
 use super::surface_weights::take_over;
-use super::{RetargetError, Retargeted, Settings, pair_bones};
+use super::{RetargetError, Retargeted, Settings};
 use crate::mesh::{MeshError, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::rig::Skeleton;
@@ -32,9 +34,9 @@ const MUST_SHRINK: f64 = 0.5;
 /// or where both have one skeleton and lie within this share: a garment on its wearer.
 const WORN: f64 = 0.01;
 
-/// Tests of matches for garments, whose folds and distance say little.
+/// Tests of matches for garments, whose folds, linings and distance say little.
 const WORN_LOOSELY: RejectionSettings =
-    RejectionSettings { max_angle: 100.0, max_distance: 0.1, max_depth: 10.0 };
+    RejectionSettings { max_angle: 180.0, max_distance: 0.1, max_depth: 10.0, other_wall: false };
 
 /// A character with both of its halves.
 #[derive(Clone, Copy)]
@@ -50,21 +52,21 @@ struct Placed {
     worn: bool,
     /// Automatic landmarks: source vertex, target vertex.
     landmarks: Vec<[u32; 2]>,
-    /// Share of the skeleton's own weights for every bone (B).
-    skeleton_shares: Vec<f64>,
+    /// How much source and target differ in shape, 0 to 1.
+    difference: f64,
 }
 
 pub(super) fn retarget(
-    source: Rigged<'_>,
-    source_weights: &SkinWeights,
+    (source, source_weights): (Rigged<'_>, &SkinWeights),
     target: Rigged<'_>,
+    pairs: &[Option<u32>],
     landmarks: Option<&[[i64; 2]]>,
     settings: &Settings,
     progress: &Progress,
-) -> Result<Retargeted, RetargetError> {
+) -> Result<(Retargeted, Option<Differing>), RetargetError> {
     progress.begin("Reading the characters", 0.0, 0.1)?;
     let takes_part = source_weights.used_bones();
-    let pairs = pair_bones(source.skeleton, target.skeleton, &takes_part)?;
+    let choice = settings.parts.resolved(target.mesh)?;
     let given = match landmarks {
         Some(given) => check_landmarks(given, source.mesh.vertex_count(), target.mesh.vertex_count())?,
         None => Vec::new(),
@@ -86,9 +88,9 @@ pub(super) fn retarget(
     let source_surface = Surroundings { mesh: source.mesh, query: &source_query, shell: &source_shell };
     let target_surface = Surroundings { mesh: target.mesh, query: &target_query, shell: &target_shell };
 
-    progress.begin("Aligning the skeletons", 0.1, 0.4)?;
-    let given_skeleton = target.skeleton.renumbered(source.skeleton, &pairs);
-    let (alignment, shares) = align(
+    progress.begin("Aligning the skeletons", 0.1, 0.32)?;
+    let given_skeleton = target.skeleton.renumbered(source.skeleton, pairs);
+    let (alignment, difference) = align(
         source_surface,
         source.skeleton,
         source_weights,
@@ -97,21 +99,19 @@ pub(super) fn retarget(
         given_skeleton.clone(),
         progress,
     )?;
-    let placed = match as_a_whole(&alignment, &given_skeleton, target_surface, progress)? {
+    let warped = warped(&alignment).map_err(on_source)?;
+    let warped_query = SurfaceQuery::new(&warped).map_err(on_source)?;
+    let warped_surface = Surroundings { mesh: &warped, query: &warped_query, shell: &source_shell };
+    let placed = match as_a_whole(&alignment, &warped_query, &given_skeleton, target_surface, progress)? {
         Some((whole, worn)) => {
             let mesh = if user.is_empty() { whole } else { deformed(&whole, &user, None, progress)? };
-            Placed { mesh, worn, landmarks: Vec::new(), skeleton_shares: vec![0.0; takes_part.len()] }
+            Placed { mesh, worn, landmarks: Vec::new(), difference: 0.0 }
         }
-        None => on_target(&alignment, shares, target_surface, user, progress)?,
+        None => on_target(&alignment, warped_surface, difference, target_surface, user, progress)?,
     };
 
     let tests = if placed.worn { WORN_LOOSELY } else { RejectionSettings::default() };
-    let taken = take_over(
-        (&placed.mesh, source_weights, &tests),
-        target_surface,
-        (&alignment, &placed.skeleton_shares),
-        progress,
-    )?;
+    let taken = take_over((&placed.mesh, source_weights, &tests), target_surface, &choice, progress)?;
     let rows = taken.rows.iter().map(|row| {
         // Bones with weight always have a partner.
         let mut renamed: Vec<(u32, f64)> =
@@ -123,61 +123,66 @@ pub(super) fn retarget(
     if let Some(count) = settings.max_influences {
         weights = weights.limited(count);
     }
-    Ok(Retargeted {
+    let differing = (placed.difference > 0.0).then(|| Differing {
+        share: placed.difference,
+        matches: taken.matches,
+        origin: taken.origin.clone(),
+        parts: taken.parts.clone(),
+        source: (source_query, source_shell),
+        target: (target_query, target_shell),
+    });
+    let found = Retargeted {
         weights: weights.normalized(),
         correspondence: taken.correspondence,
         matched: taken.matched,
         origin: taken.origin,
+        parts: taken.parts,
         landmarks: given.into_iter().chain(placed.landmarks).collect(),
-    })
+    };
+    Ok((found, differing))
 }
 
 /// The source moved as a whole, if that brings it about as near to the target as the alignment of
-/// the skeletons does, and whether the target is a garment on it.
+/// the skeletons does, which `warped` queries, and whether the target is a garment on it.
 fn as_a_whole(
     alignment: &Alignment<'_>,
+    warped: &SurfaceQuery,
     given: &Skeleton,
     target: Surroundings<'_>,
     progress: &Progress,
 ) -> Result<Option<(TriangleMesh, bool)>, RetargetError> {
     let on_source = |error| mesh_error("source", error);
     let rigs = (alignment.skeleton, given);
-    let vertices = alignment.source.mesh.vertices();
-    let (moved, one_skeleton) = similar(vertices, rigs, alignment.takes_part, target, progress)?;
+    let of_source = samples(alignment.source.mesh, alignment.skeleton, |_| Some(0), POINTS);
+    let of_target = samples(target.mesh, given, |_| Some(0), POINTS);
+    let of_source = (alignment.source.mesh.vertices(), of_source.as_slice());
+    let of_target = (target.mesh.vertices(), of_target.as_slice());
+    progress.begin("Comparing the surfaces", 0.32, 0.4)?;
+    let (moved, one_skeleton) = similar(of_source, rigs, alignment.takes_part, target, progress)?;
     let whole = weighted_surface(moved, alignment).map_err(on_source)?;
     let whole_query = SurfaceQuery::new(&whole).map_err(on_source)?;
-    let warped = warped(alignment).map_err(on_source)?;
-    let warped_query = SurfaceQuery::new(&warped).map_err(on_source)?;
-    let left = distance_to(&warped_query, target, progress)?;
-    let off = distance_to(&whole_query, target, progress)?;
+    let left = distance_to(warped, of_target, [0.6, 0.8], progress)?;
+    let off = distance_to(&whole_query, of_target, [0.8, 1.0], progress)?;
     let worn = one_skeleton && off <= WORN * target.shell.extent;
     let coincide = off <= COINCIDE * target.shell.extent && left >= MUST_SHRINK * off;
     Ok((worn || coincide).then_some((whole, worn)))
 }
 
-/// The source warped onto the target's skeleton and deformed onto its surface.
+/// The source, warped onto the target's skeleton, deformed onto its surface. Which side of it is
+/// outside is what it was before the warp.
 fn on_target(
     alignment: &Alignment<'_>,
-    skeleton_shares: Vec<f64>,
+    warped: Surroundings<'_>,
+    difference: f64,
     target: Surroundings<'_>,
     user: Vec<Constraint>,
     progress: &Progress,
 ) -> Result<Placed, RetargetError> {
-    let on_source = |error| mesh_error("source", error);
-    let warped = warped(alignment).map_err(on_source)?;
     progress.begin("Finding landmarks", 0.4, 0.45)?;
-    let query = SurfaceQuery::new(&warped).map_err(on_source)?;
-    let shell = Shell::new(&warped, &query, progress)?;
-    let surface = Surroundings { mesh: &warped, query: &query, shell: &shell };
-    let found = ray_marks((surface, alignment.weights), target, &alignment.aligned, alignment.takes_part);
+    let found = ray_marks((warped, alignment.weights), target, &alignment.aligned, alignment.takes_part);
     let marks: Vec<Constraint> = user.into_iter().chain(found.iter().map(RayMark::constraint)).collect();
-    let mesh = deformed(&warped, &marks, Some(target), progress)?;
-    Ok(Placed {
-        mesh,
-        worn: false,
-        landmarks: found.iter().map(RayMark::vertices).collect(),
-        skeleton_shares,
-    })
+    let mesh = deformed(warped.mesh, &marks, Some(target), progress)?;
+    Ok(Placed { mesh, worn: false, landmarks: found.iter().map(RayMark::vertices).collect(), difference })
 }
 
 /// A surface deformed to marks and then onto a target.

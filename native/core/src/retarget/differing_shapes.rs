@@ -1,38 +1,51 @@
-//! Where source and target differ in shape, weights made from the target's skeleton have a say.
+//! Where source and target differ in shape, the target's own skeleton decides, in the manner of
+//! the source.
 //!
 //! On like bodies the source knows best to the last crease. Where the shapes are far apart, every
-//! match is a guess, and a share of the inverse fourth powers of the distances to the bones (eq. 2)
-//! brings the result nearer to what another hand would have painted. How far apart the shapes are
-//! is measured after the alignment: the distance left between the surfaces relative to the limb's
-//! radius, bone by bone, but never far beyond what is usual for the whole pair, so that one finger
-//! that failed is not taken for another creature's.
+//! match is a guess. There the target is bound to its skeleton in the way that explains the source
+//! best ([`super::bound_alike`]), and takes over from the source what that way does not explain: the
+//! difference of the source's weights from its own bind, as far as the match is to be trusted. It is,
+//! where it was accepted, and the less the farther the two binds are apart there: they say whether
+//! both are the same place of the body.
+//!
+//! How far apart the shapes are is measured after the alignment: the distance left between the
+//! surfaces relative to the limb's radius, as is usual for the bones of the pair.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::bone_rays::median;
-use super::inpaint::{Row, blend};
+use super::bound_alike::{Bindable, bind_alike, row_of};
+use super::icp::Surroundings;
+use super::inpaint::{Row, blend, normalized};
 use super::joint_refinement::Alignment;
 use super::joint_system::largest_bone;
-use crate::rig::{bind_weights_paper, distance_to_segment};
+use super::part_shapes::{PartShape, part_shapes};
+use super::parts::{Part, PartPolicy, mean_row, spread};
+use super::rejection::SurfaceMatch;
+use super::shell::Shell;
+use super::unclaimed::Unclaimed;
+use super::{Origin, RetargetError};
+use crate::cage::WindingNumber;
+use crate::mesh::{Adjacency, Submesh, SurfaceQuery, TriangleMesh};
+use crate::progress::Progress;
+use crate::rig::{BoneMap, Skeleton, distance_to_segment};
+use crate::skinning::SkinWeights;
 
 /// Distance left, relative to the radius, up to which shapes are alike,
 const ALIKE: f64 = 0.07;
 /// and from which on they differ altogether.
-const DIFFERENT: f64 = 0.12;
-/// A bone's shape differs at most by this multiple of what is usual for the pair.
-const UNUSUAL: f64 = 1.5;
-/// Share of the skeleton's weights where shapes differ altogether.
-const SHARE: f64 = 0.35;
+const DIFFERENT: f64 = 0.09;
+/// Where along a bone to look whether it is inside of a part.
+const LOOKS: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
+/// Edges from the border of the matched surface over which trust in matches grows.
+const TRUST_GROWS: usize = 4;
 
-/// Share of the skeleton's weights for every bone (B).
+/// How much the shapes of a pair differ, 0 to 1.
 ///
 /// `points` are the warped source vertices, `distances` what separates each from the target where
 /// it met it.
-pub(super) fn skeleton_shares(
-    alignment: &Alignment<'_>,
-    points: &[DVec3],
-    distances: &[Option<f64>],
-) -> Vec<f64> {
+pub(super) fn difference(alignment: &Alignment<'_>, points: &[DVec3], distances: &[Option<f64>]) -> f64 {
     let bone_count = alignment.takes_part.len();
     let (mut left, mut radius) = (vec![Vec::new(); bone_count], vec![Vec::new(); bone_count]);
     for (vertex, (&point, distance)) in points.iter().zip(distances).enumerate() {
@@ -43,39 +56,145 @@ pub(super) fn skeleton_shares(
             radius[bone].push(distance_to_segment(point, head, tail));
         }
     }
-    let relative: Vec<Option<f64>> = left
+    let relative = left
         .into_iter()
         .zip(radius)
-        .map(|(left, radius)| Some(median(left)? / median(radius).filter(|r| *r > 0.0)?))
-        .collect();
-    let usual = median(relative.iter().flatten().copied().collect()).unwrap_or(0.0);
-    let share = |relative: &Option<f64>| {
-        let relative = relative.unwrap_or(usual).min(UNUSUAL * usual);
-        let t = ((relative - ALIKE) / (DIFFERENT - ALIKE)).clamp(0.0, 1.0);
-        SHARE * t * t * (3.0 - 2.0 * t)
-    };
-    relative.iter().map(share).collect()
+        .filter_map(|(left, radius)| Some(median(left)? / median(radius).filter(|r| *r > 0.0)?));
+    let usual = median(relative.collect()).unwrap_or(0.0);
+    let t = ((usual - ALIKE) / (DIFFERENT - ALIKE)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
 }
 
-/// Mixes the skeleton's weights into the rows of the vertices that `mixed` marks, as much as the
-/// bones of each row ask for.
-pub(super) fn mix_skeleton_weights(
-    rows: &mut [Row],
-    vertices: &[DVec3],
-    alignment: &Alignment<'_>,
-    shares: &[f64],
-    mixed: impl Fn(usize) -> bool,
-) {
-    if shares.iter().all(|share| *share <= 0.0) {
-        return;
+/// What a retarget knows of two characters whose shapes differ.
+pub(super) struct Differing {
+    /// How much they differ, above 0.
+    pub(super) share: f64,
+    /// Where each target vertex lies on the source: vertices and their shares.
+    pub(super) matches: Vec<([u32; 3], [f64; 3])>,
+    pub(super) origin: Vec<Origin>,
+    pub(super) parts: Vec<Part>,
+    pub(super) source: (SurfaceQuery, Shell),
+    pub(super) target: (SurfaceQuery, Shell),
+}
+
+/// Matches as vertices of the source.
+pub(super) fn on_vertices(matches: &[SurfaceMatch], source: &TriangleMesh) -> Vec<([u32; 3], [f64; 3])> {
+    let corners = |found: &SurfaceMatch| (source.triangles()[found.triangle as usize], found.barycentric);
+    matches.iter().map(corners).collect()
+}
+
+/// A character of a pair.
+#[derive(Clone, Copy)]
+pub(super) struct Side<'a> {
+    pub(super) mesh: &'a TriangleMesh,
+    pub(super) skeleton: &'a Skeleton,
+    pub(super) weights: &'a SkinWeights,
+}
+
+impl Differing {
+    /// Weights of the target over its own bones, from those that its matches gave it.
+    ///
+    /// # Errors
+    /// [`RetargetError`] where a character cannot be bound, and for cancelled work.
+    pub(super) fn hand_over(
+        &self,
+        source: Side<'_>,
+        target: Side<'_>,
+        bone_map: &BoneMap,
+        unclaimed: Option<&Unclaimed>,
+        progress: &Progress,
+    ) -> Result<SkinWeights, RetargetError> {
+        let used = source.weights.used_bones();
+        let mut takes_part = vec![false; target.skeleton.bone_count()];
+        for bone in (0..used.len()).filter(|&bone| used[bone]) {
+            let carriers = bone_map.targets(bone_map.carrier(bone) as usize);
+            carriers.iter().for_each(|&bone| takes_part[bone as usize] = true);
+        }
+        if let Some(unclaimed) = unclaimed {
+            unclaimed.bones().for_each(|bone| takes_part[bone as usize] = true);
+        }
+        let surface = |mesh, (query, shell)| Surroundings { mesh, query, shell };
+        let from = surface(source.mesh, (&self.source.0, &self.source.1));
+        let to = surface(target.mesh, (&self.target.0, &self.target.1));
+        let bound = bind_alike(
+            Bindable { surface: from, skeleton: source.skeleton, takes_part: &used },
+            source.weights,
+            Bindable { surface: to, skeleton: target.skeleton, takes_part: &takes_part },
+            progress,
+        )?;
+        let divided = |weights: SkinWeights| match unclaimed {
+            Some(unclaimed) => unclaimed.share(&weights, &bound.target),
+            None => weights,
+        };
+        let matched = divided(target.weights.clone());
+        let at_match = self.matches.iter().map(|(corners, shares)| {
+            blend(corners.iter().zip(shares).map(|(&v, &share)| (&bound.source[v as usize], share)))
+        });
+        let at_match = SkinWeights::from_rows(at_match, source.skeleton.bone_count());
+        let at_match = divided(bone_map.transfer(&at_match, target.mesh.vertices(), target.skeleton)?);
+        let trust = self.trust(to);
+        let row = |v: usize| {
+            let (own, bound, at_match) = (row_of(&matched, v), &bound.target[v], row_of(&at_match, v));
+            let trust = trust[v] * (1.0 - 0.5 * spread(bound, [&at_match].into_iter()).min(2.0));
+            let explained = [(bound, 1.0), (&own, trust), (&at_match, -trust)];
+            (own.clone(), normalized(blend(explained.into_iter())))
+        };
+        let rows: Vec<(Row, Row)> = (0..self.matches.len()).into_par_iter().map(row).collect();
+        let (own, mut handed): (Vec<Row>, Vec<Row>) = rows.into_iter().unzip();
+        self.keep_parts(target, &takes_part, &own, &mut handed);
+        let mixed = own
+            .iter()
+            .zip(&handed)
+            .map(|(own, handed)| blend([(own, 1.0 - self.share), (handed, self.share)].into_iter()));
+        Ok(SkinWeights::from_rows(mixed, target.skeleton.bone_count()))
     }
-    let weights = bind_weights_paper(vertices, &alignment.aligned, alignment.takes_part);
-    for (vertex, row) in rows.iter_mut().enumerate().filter(|(vertex, _)| mixed(*vertex)) {
-        let share: f64 = row.iter().map(|&(bone, weight)| weight * shares[bone as usize]).sum();
-        let total = weights.total(vertex);
-        if share > 0.0 && total > 0.0 {
-            let own: Row = weights.entries(vertex).map(|(bone, w)| (bone, f64::from(w) / total)).collect();
-            *row = blend([(&*row, 1.0 - share), (&own, share)].into_iter());
+
+    /// Trust in the match of each vertex (V), 0 to 1: it grows from the border of the matched
+    /// surface inward.
+    fn trust(&self, target: Surroundings<'_>) -> Vec<f64> {
+        let is_matched: Vec<bool> = self.origin.iter().map(|&origin| origin == Origin::Matched).collect();
+        let mut trust: Vec<f64> = is_matched.iter().map(|&matched| f64::from(u8::from(matched))).collect();
+        let Ok(welded) = target.shell.welded(target.mesh) else { return trust };
+        let edges = Adjacency::new(welded.vertex_count(), &welded.topology());
+        let stands_for = target.shell.stands_for();
+        for _ in 0..TRUST_GROWS {
+            let mean = |v: usize| {
+                let own = stands_for[v] as usize;
+                let around = edges.neighbours(own);
+                let sum: f64 = around.iter().map(|&n| trust[n as usize]).sum();
+                if is_matched[v] { (trust[own] + sum) / (1 + around.len()) as f64 } else { 0.0 }
+            };
+            trust = (0..trust.len()).map(mean).collect();
+        }
+        trust
+    }
+
+    /// Rigid parts stay rigid, and those that the source has too go as there. A part that a bone
+    /// runs through is a piece of the body, such as a finger of a jointed doll.
+    fn keep_parts(&self, target: Side<'_>, takes_part: &[bool], own: &[Row], handed: &mut [Row]) {
+        let (shapes, of) = part_shapes(target.mesh);
+        for part in self.parts.iter().filter(|part| part.policy != PartPolicy::Match) {
+            let Some(&first) = part.vertices.first() else { continue };
+            let shape = &shapes[of[first as usize] as usize];
+            if part.like.is_some() {
+                part.vertices.iter().for_each(|&v| handed[v as usize].clone_from(&own[v as usize]));
+            } else if part.policy == PartPolicy::Rigid && !has_bone(shape, target, takes_part) {
+                let mean = mean_row(&part.vertices, handed);
+                part.vertices.iter().for_each(|&v| handed[v as usize].clone_from(&mean));
+            }
         }
     }
+}
+
+/// Whether most of a bone runs inside of a part: not through the hole of a ring on it.
+fn has_bone(part: &PartShape, target: Side<'_>, takes_part: &[bool]) -> bool {
+    let is_in = |v: usize| part.vertices.binary_search(&(v as u32)).is_ok();
+    let Ok(piece) = Submesh::new(target.mesh, is_in) else { return false };
+    let winding = WindingNumber::new(&piece.mesh);
+    (0..takes_part.len()).filter(|&bone| takes_part[bone]).any(|bone| {
+        let (head, tail) = (target.skeleton.heads()[bone], target.skeleton.tails()[bone]);
+        let looks = LOOKS.map(|share| head.lerp(tail, share));
+        let is_inside = |p: &DVec3| p.distance(part.centre) < part.radius && winding.at(*p).abs() > 0.5;
+        2 * looks.iter().filter(|p| is_inside(p)).count() > looks.len()
+    })
 }

@@ -1,6 +1,6 @@
 //! Why two characters cannot be matched.
 
-use crate::mesh::MeshError;
+use crate::mesh::{MeshError, PartChoiceError};
 use crate::progress::Cancelled;
 use crate::rig::{BindError, BoneMapError};
 use crate::spectral::SpectralError;
@@ -23,29 +23,6 @@ pub enum RetargetError {
     /// No source vertex has any weight.
     #[error("no source vertex has a weight; paint or bind the source first")]
     NoWeights,
-    /// Skeletons without names differ in their number of bones.
-    #[error(
-        "the source has {source_bones} bones and the target {target_bones}; without names they must agree"
-    )]
-    BoneCounts {
-        /// Bones of the source.
-        source_bones: usize,
-        /// Bones of the target.
-        target_bones: usize,
-    },
-    /// Bones with weights have no partner.
-    #[error(
-        "{count} weighted source bones are missing in the target: {missing} (only in the target: {target_only}); \
-         rename the bones so that they agree"
-    )]
-    UnmatchedBones {
-        /// Number of missing bones.
-        count: usize,
-        /// Their names.
-        missing: String,
-        /// Names that only the target has.
-        target_only: String,
-    },
     /// Bones cannot be mapped.
     #[error(transparent)]
     BoneMap(#[from] BoneMapError),
@@ -105,6 +82,12 @@ pub enum RetargetError {
     /// The target could not be bound to the bones that the source lacks.
     #[error("target: {0}")]
     Bind(BindError),
+    /// The treatments of loose parts do not fit the target.
+    #[error("target mesh: {0}")]
+    Parts(#[from] PartChoiceError),
+    /// Treatments of loose parts were given to the paper's method, which knows none.
+    #[error("loose parts can be treated by method \"auto\" alone, which needs both skeletons")]
+    PartsByPaper,
     /// The work was asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

@@ -1,16 +1,43 @@
 //! Places that lie near along the edges of a surface.
 
 use std::cmp::Ordering;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::BinaryHeap;
 
 use glam::DVec3;
+use rustc_hash::FxHashMap;
 
 use crate::mesh::{Adjacency, TriangleMesh};
+
+/// Whether a way of at most two edges between two triangles joins a point of each within `bound`: where
+/// it does, so does the shortest way.
+pub(super) fn joined_by_two_edges(
+    mesh: &TriangleMesh,
+    adjacency: &Adjacency,
+    (from, start): ([u32; 3], DVec3),
+    (to, end): ([u32; 3], DVec3),
+    bound: f64,
+) -> bool {
+    let position = |v: u32| mesh.vertices()[v as usize];
+    let last = to.map(|b| position(b).distance(end));
+    let arrives =
+        |v: u32, before: f64| to.iter().zip(last).any(|(&b, last)| b == v && before + last <= bound);
+    from.iter().any(|&a| {
+        let first = position(a).distance(start);
+        let ways = adjacency.neighbours(a as usize).iter();
+        first <= bound
+            && ways.map(|&b| (b, first + position(a).distance(position(b)))).any(|(b, second)| {
+                let mut beyond = adjacency.neighbours(b as usize).iter();
+                arrives(b, second)
+                    || (second <= bound
+                        && beyond.any(|&c| arrives(c, second + position(b).distance(position(c)))))
+            })
+    })
+}
 
 /// Scratch space for [`Ball::grow`], used again from one centre to the next.
 #[derive(Debug, Default)]
 pub(super) struct Ball {
-    distances: HashMap<u32, f64>,
+    distances: FxHashMap<u32, f64>,
     queue: BinaryHeap<Entry>,
 }
 
@@ -92,6 +119,29 @@ mod tests {
         assert!((round / (0.5 * std::f64::consts::PI) - 1.0).abs() < 0.01, "{round}");
         ball.grow(&tube, &adjacency, start, point(start), 1.5);
         assert_eq!(ball.distance(&tube, across, point(across)), f64::INFINITY);
+    }
+
+    #[test]
+    fn two_edges_never_promise_more_than_the_shortest_way() {
+        let grid = grid(10);
+        let adjacency = Adjacency::new(grid.vertex_count(), &grid.topology());
+        let centre = |t: usize| grid.corners(t).into_iter().sum::<DVec3>() / 3.0;
+        let mut joined = 0;
+        for from in (0..grid.triangles().len()).step_by(7) {
+            let mut ball = Ball::default();
+            ball.grow(&grid, &adjacency, grid.triangles()[from], centre(from), 3.0);
+            for to in 0..grid.triangles().len() {
+                let shortest = ball.distance(&grid, grid.triangles()[to], centre(to));
+                for bound in [0.1, 0.2, 0.3] {
+                    let ends = [from, to].map(|t| (grid.triangles()[t], centre(t)));
+                    if joined_by_two_edges(&grid, &adjacency, ends[0], ends[1], bound) {
+                        assert!(shortest <= bound + 1e-12, "{from} {to}");
+                        joined += 1;
+                    }
+                }
+            }
+        }
+        assert!(joined > 500, "{joined}");
     }
 
     #[test]

@@ -11,12 +11,12 @@
 use glam::DVec3;
 
 use super::RetargetError;
-use super::differing_shapes::skeleton_shares;
+use super::differing_shapes::difference;
 use super::icp::Surroundings;
-use super::joint_system::{self, Meeting, Trust, Unknowns, typical_distances};
+use super::joint_system::{self, Meeting, Trust, Unknowns, largest_bone, typical_distances};
 use super::parallel::map_indices;
+use super::surface_sample::{Sample, samples};
 use super::warp::Warp;
-use crate::mesh::TriangleMesh;
 use crate::progress::Progress;
 use crate::rig::Skeleton;
 use crate::skinning::SkinWeights;
@@ -47,6 +47,8 @@ const TWIST_STEP: f64 = 0.15;
 const TWIST_LIMIT: f64 = 0.6;
 /// Cosine of the largest angle between normals that may meet.
 const NORMALS: f64 = 0.5;
+/// Of a large surface about so many points of every bone take part.
+const POINTS_OF_BONE: usize = 300;
 
 /// A source and the skeleton that it is aligned to.
 pub(super) struct Alignment<'a> {
@@ -69,8 +71,8 @@ impl Alignment<'_> {
     }
 }
 
-/// Fits the alignment to the target's surface, whose size is `extent`. Returns how much each bone
-/// (B) should rely on the target's skeleton rather than on the source, see [`skeleton_shares`].
+/// Fits the alignment to the target's surface, whose size is `extent`. Returns how much
+/// the shapes differ, see [`difference`].
 ///
 /// # Errors
 /// [`RetargetError::Cancelled`], [`RetargetError::Linalg`].
@@ -80,35 +82,37 @@ pub(super) fn refine(
     extent: f64,
     settings: &FitSettings,
     progress: &Progress,
-) -> Result<Vec<f64>, RetargetError> {
+) -> Result<f64, RetargetError> {
     let unknowns = Unknowns::new(alignment.skeleton, &alignment.aligned, alignment.takes_part, extent);
     let given = (alignment.aligned.clone(), alignment.log_girths.clone());
+    let points = PointsThatMeet::new(alignment);
     let mut before = Vec::new();
     for step in 0..settings.steps {
         let shares = [step, step + 1].map(|step| f64::from(step) / f64::from(settings.steps));
         let warp = alignment.warp();
-        let points = warp.apply(alignment.source.mesh.vertices(), alignment.weights);
-        let meetings = meet(alignment, &points, target, shares, progress)?;
+        let moved = warp.apply(alignment.source.mesh.vertices(), alignment.weights);
+        let meetings = points.meet(alignment, &moved, target, shares, progress)?;
         if before.is_empty() {
             before = typical_distances(alignment.weights, &meetings);
         }
         let trust =
             Trust { joint_error: settings.joint_error * extent, joints_only: step < settings.joint_steps };
-        let step = joint_system::step(alignment, &warp, &points, &meetings, &unknowns, trust);
+        let step = joint_system::step(alignment, &warp, &moved, &meetings, &unknowns, trust);
         let step = step.map_err(|error| RetargetError::Spectral { side: "target", error: error.into() })?;
         update(alignment, &unknowns, &step, &given.1);
     }
-    let points = alignment.warp().apply(alignment.source.mesh.vertices(), alignment.weights);
-    let meetings = meet(alignment, &points, target, [1.0, 1.0], progress)?;
+    let moved = alignment.warp().apply(alignment.source.mesh.vertices(), alignment.weights);
+    let meetings = points.meet(alignment, &moved, target, [1.0, 1.0], progress)?;
     let after = typical_distances(alignment.weights, &meetings);
     let helped: Vec<f64> =
         before.iter().zip(&after).map(|(&before, &after)| share_kept(before, after)).collect();
     keep(alignment, &unknowns, &given, &helped);
-    let points = alignment.warp().apply(alignment.source.mesh.vertices(), alignment.weights);
-    let meetings = meet(alignment, &points, target, [1.0, 1.0], progress)?;
-    let distances: Vec<Option<f64>> =
-        meetings.iter().map(|meeting| meeting.as_ref().map(|meeting| meeting.distance)).collect();
-    Ok(skeleton_shares(alignment, &points, &distances))
+    let moved = alignment.warp().apply(alignment.source.mesh.vertices(), alignment.weights);
+    let mut distances = vec![None; moved.len()];
+    for meeting in points.meet(alignment, &moved, target, [1.0, 1.0], progress)? {
+        distances[meeting.vertex as usize] = Some(meeting.distance);
+    }
+    Ok(difference(alignment, &moved, &distances))
 }
 
 /// How much of the fit a bone keeps: all where it explains most of the distance between the
@@ -145,36 +149,54 @@ fn keep(alignment: &mut Alignment<'_>, unknowns: &Unknowns, given: &(Skeleton, V
     alignment.aligned = alignment.aligned.placed(heads, tails);
 }
 
-/// Closest points of the target for the warped vertices, those whose normals agree.
-fn meet(
-    alignment: &Alignment<'_>,
-    points: &[DVec3],
-    target: Surroundings<'_>,
-    shares: [f64; 2],
-    progress: &Progress,
-) -> Result<Vec<Option<Meeting>>, RetargetError> {
-    let source = alignment.source;
-    let moved = TriangleMesh::new(points.to_vec(), source.mesh.triangles().to_vec())
-        .map_err(|error| RetargetError::Mesh { side: "source", error })?;
-    let normals = source.shell.normals_of(&moved);
-    let find = |vertex: usize, (): &mut ()| {
-        if alignment.weights.row(vertex).0.is_empty() {
-            return None;
-        }
-        let closest = target.query.closest_point(points[vertex])?;
-        let (normal, both) = target.shell.normal_at(target.mesh, &closest);
-        let cosine = normal.dot(normals[vertex]);
-        let cosine = if both || source.shell.two_sided[vertex] { cosine.abs() } else { cosine };
-        let agreement = ((cosine - NORMALS) / (0.4 * (1.0 - NORMALS))).clamp(0.0, 1.0);
-        // Skin beyond the edge of a garment has nothing to meet.
-        (agreement > 0.0 && !target.shell.is_on_open_edge(target.mesh, &closest)).then(|| Meeting {
-            normal,
-            gap: normal.dot(closest.position - points[vertex]),
-            distance: closest.distance,
-            agreement,
-        })
-    };
-    Ok(map_indices(points.len(), progress, shares, find)?)
+/// The source vertices that the fit brings to the target.
+struct PointsThatMeet {
+    samples: Vec<Sample>,
+    /// Triangles around each of them.
+    around: Vec<Vec<u32>>,
+}
+
+impl PointsThatMeet {
+    fn new(alignment: &Alignment<'_>) -> Self {
+        let source = alignment.source;
+        let bone = |vertex| largest_bone(alignment.weights, vertex);
+        let samples = samples(source.mesh, alignment.skeleton, bone, POINTS_OF_BONE);
+        let around = source.shell.triangles_around(source.mesh, samples.iter().map(|sample| sample.vertex));
+        Self { samples, around }
+    }
+
+    /// Closest points of the target for the moved vertices, those whose normals agree.
+    fn meet(
+        &self,
+        alignment: &Alignment<'_>,
+        moved: &[DVec3],
+        target: Surroundings<'_>,
+        shares: [f64; 2],
+        progress: &Progress,
+    ) -> Result<Vec<Meeting>, RetargetError> {
+        let source = alignment.source;
+        let find = |at: usize, (): &mut ()| {
+            let Sample { vertex, count } = self.samples[at];
+            let point = moved[vertex as usize];
+            let own = source.shell.normal_of(source.mesh, moved, vertex, &self.around[at]);
+            let closest = target.query.closest_point(point)?;
+            let (normal, both) = target.shell.normal_at(target.mesh, &closest);
+            let cosine = normal.dot(own);
+            let cosine = if both || source.shell.two_sided[vertex as usize] { cosine.abs() } else { cosine };
+            let agreement = ((cosine - NORMALS) / (0.4 * (1.0 - NORMALS))).clamp(0.0, 1.0);
+            // Skin beyond the edge of a garment has nothing to meet.
+            (agreement > 0.0 && !target.shell.is_on_open_edge(target.mesh, &closest)).then(|| Meeting {
+                vertex,
+                count,
+                normal,
+                gap: normal.dot(closest.position - point),
+                distance: closest.distance,
+                agreement,
+            })
+        };
+        let found = map_indices(self.samples.len(), progress, shares, find)?;
+        Ok(found.into_iter().flatten().collect())
+    }
 }
 
 /// Takes a step of the fit.

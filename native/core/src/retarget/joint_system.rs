@@ -91,6 +91,9 @@ impl Unknowns {
 
 /// A source point that meets the target: its plane's normal, how far it is along it and away.
 pub(super) struct Meeting {
+    pub(super) vertex: u32,
+    /// Number of points that it stands for.
+    pub(super) count: f64,
     pub(super) normal: DVec3,
     pub(super) gap: f64,
     pub(super) distance: f64,
@@ -115,7 +118,7 @@ pub(super) fn step(
     alignment: &Alignment<'_>,
     warp: &Warp,
     points: &[DVec3],
-    meetings: &[Option<Meeting>],
+    meetings: &[Meeting],
     unknowns: &Unknowns,
     trust: Trust,
 ) -> Result<Vec<f64>, LinalgError> {
@@ -123,11 +126,14 @@ pub(super) fn step(
     let typical = typical_distances(alignment.weights, meetings);
     let points_of = points_of_bones(alignment.weights, meetings);
     let mut row = Vec::new();
-    for (vertex, meeting) in meetings.iter().enumerate() {
+    for meeting in meetings {
+        let vertex = meeting.vertex as usize;
         let Some(bone) = largest_bone(alignment.weights, vertex) else { continue };
         let few = points_of[bone as usize] < FEW;
         let typical = typical[bone as usize];
-        let Some(meeting) = meeting.as_ref().filter(|m| m.distance <= TRIM * typical) else { continue };
+        if meeting.distance > TRIM * typical {
+            continue;
+        }
         row.clear();
         jacobian(alignment, warp, vertex, points[vertex], meeting.normal, unknowns, &mut row);
         if trust.joints_only {
@@ -136,7 +142,7 @@ pub(super) fn step(
         let share = if typical > 0.0 { meeting.distance / (2.0 * typical) } else { 0.0 };
         // Both fade out, so that no single point decides.
         let fading = 1.0 - (2.0 * share / TRIM).powi(2);
-        let weight = fading * fading * meeting.agreement / (1.0 + share * share);
+        let weight = meeting.count * fading * fading * meeting.agreement / (1.0 + share * share);
         let doubt = if few { HELD } else { LEAST_PRIOR + (typical / trust.joint_error).powi(2) };
         system.add_row(&row, weight, meeting.gap, doubt);
     }
@@ -153,10 +159,10 @@ pub(super) fn largest_bone(weights: &SkinWeights, vertex: usize) -> Option<u32> 
 }
 
 /// Number of meetings of every bone (B), by each vertex's largest weight.
-fn points_of_bones(weights: &SkinWeights, meetings: &[Option<Meeting>]) -> Vec<usize> {
+fn points_of_bones(weights: &SkinWeights, meetings: &[Meeting]) -> Vec<usize> {
     let mut counts = vec![0; weights.bone_count()];
-    for vertex in (0..meetings.len()).filter(|&v| meetings[v].is_some()) {
-        if let Some(bone) = largest_bone(weights, vertex) {
+    for meeting in meetings {
+        if let Some(bone) = largest_bone(weights, meeting.vertex as usize) {
             counts[bone as usize] += 1;
         }
     }
@@ -164,10 +170,10 @@ fn points_of_bones(weights: &SkinWeights, meetings: &[Option<Meeting>]) -> Vec<u
 }
 
 /// Median distance of the meetings of every bone (B), by each vertex's largest weight.
-pub(super) fn typical_distances(weights: &SkinWeights, meetings: &[Option<Meeting>]) -> Vec<f64> {
+pub(super) fn typical_distances(weights: &SkinWeights, meetings: &[Meeting]) -> Vec<f64> {
     let mut of_bone = vec![Vec::new(); weights.bone_count()];
-    for (vertex, meeting) in meetings.iter().enumerate() {
-        if let (Some(meeting), Some(bone)) = (meeting, largest_bone(weights, vertex)) {
+    for meeting in meetings {
+        if let Some(bone) = largest_bone(weights, meeting.vertex as usize) {
             of_bone[bone as usize].push(meeting.distance);
         }
     }

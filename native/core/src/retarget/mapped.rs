@@ -2,10 +2,14 @@
 //! rest positions, weights are found for it, and then go over the bone map to the target's bones.
 //! Target bones that no source bone stands for get their share last.
 
-use super::unclaimed::share_with_unclaimed;
-use super::{Character, Method, RetargetError, Retargeted, Settings, by_method, pair_bones};
+use super::bound_alike::row_of;
+use super::differing_shapes::{Differing, Side};
+use super::inpaint::Row;
+use super::unclaimed::Unclaimed;
+use super::{Character, Method, RetargetError, Retargeted, Settings, by_method, check_counts, pair_bones};
+use crate::mesh::TriangleMesh;
 use crate::progress::Progress;
-use crate::rig::{BoneMap, Skeleton, map_bones};
+use crate::rig::{BindSettings, BoneMap, Skeleton, bind_weights, map_bones};
 use crate::skinning::SkinWeights;
 
 /// Gives the target the weights of the source.
@@ -24,20 +28,20 @@ pub fn retarget_weights(
     settings: &Settings,
     progress: &Progress,
 ) -> Result<Retargeted, RetargetError> {
-    let by_method = |target, settings: &Settings| {
-        by_method(source, source_weights, target, landmarks, settings, progress)
+    check_counts(source, source_weights)?;
+    let by_method = |target, pairs: Option<&[_]>, settings: &Settings| {
+        by_method((source, source_weights), target, pairs, landmarks, settings, progress)
     };
     let (Some(from), Some(to)) = (source.skeleton, target.skeleton) else {
         return if bone_map.is_some() {
             Err(RetargetError::MapWithoutSkeletons)
         } else {
-            by_method(target, settings)
+            by_method(target, None, settings).map(|found| found.0)
         };
     };
     let found;
     let bone_map = match bone_map {
         Some(bone_map) => bone_map,
-        None if source_weights.bone_count() != from.bone_count() => return by_method(target, settings),
         None => {
             found = map_bones(from, to)?;
             &found
@@ -45,17 +49,21 @@ pub fn retarget_weights(
     };
     // A limit is of influences of the target's bones.
     let unlimited = Settings { max_influences: None, ..settings.clone() };
-    let mut result = if agrees(bone_map, &source_weights.used_bones(), from, to) {
-        by_method(target, &unlimited)?
-    } else {
-        let aligned = bone_map.aligned_skeleton(from, to)?;
-        let result = by_method(Character { skeleton: Some(&aligned), ..target }, &unlimited)?;
-        let weights = bone_map.transfer(&result.weights, target.mesh.vertices(), to)?;
-        Retargeted { weights, ..result }
+    let (mut result, differing) = match pairs_that_agree(bone_map, &source_weights.used_bones(), from, to) {
+        Some(pairs) => by_method(target, Some(&pairs), &unlimited)?,
+        None => {
+            let aligned = bone_map.aligned_skeleton(from, to)?;
+            let pairs: Vec<Option<u32>> = (0..from.bone_count() as u32).map(Some).collect();
+            let aligned = Character { skeleton: Some(&aligned), ..target };
+            let (result, differing) = by_method(aligned, Some(&pairs), &unlimited)?;
+            let weights = bone_map.transfer(&result.weights, target.mesh.vertices(), to)?;
+            (Retargeted { weights, ..result }, differing)
+        }
     };
-    // A map made by hand is taken as it is.
-    if settings.method == Method::Auto && !bone_map.is_by_hand() {
-        result.weights = share_with_unclaimed(result.weights, bone_map, target.mesh, to, progress)?;
+    if settings.method == Method::Auto {
+        let characters =
+            (Side { mesh: source.mesh, skeleton: from, weights: source_weights }, target.mesh, to);
+        result.weights = on_own_bones(result.weights, characters, bone_map, differing, progress)?;
     }
     if let Some(count) = settings.max_influences {
         result.weights = result.weights.limited(count);
@@ -63,13 +71,42 @@ pub fn retarget_weights(
     Ok(Retargeted { weights: result.weights.normalized(), ..result })
 }
 
-/// Whether a map only pairs what equal names (or order, without names) pair, as far as weights go.
-fn agrees(bone_map: &BoneMap, carries_weight: &[bool], from: &Skeleton, to: &Skeleton) -> bool {
-    let Ok(pairs) = pair_bones(from, to, carries_weight) else {
-        return false;
+/// Weights of the target with what its own skeleton has to say: where shapes differ, and about
+/// bones that only the target has. A map made by hand is taken as it is and leaves those out.
+fn on_own_bones(
+    weights: SkinWeights,
+    (source, mesh, skeleton): (Side<'_>, &TriangleMesh, &Skeleton),
+    bone_map: &BoneMap,
+    differing: Option<Differing>,
+    progress: &Progress,
+) -> Result<SkinWeights, RetargetError> {
+    let mut used = weights.used_bones();
+    let unclaimed = |used: &[bool]| match bone_map.is_by_hand() {
+        true => None,
+        false => Unclaimed::new(bone_map, used, skeleton),
     };
+    if let Some(differing) = differing {
+        let target = Side { mesh, skeleton, weights: &weights };
+        return differing.hand_over(source, target, bone_map, unclaimed(&used).as_ref(), progress);
+    }
+    let Some(unclaimed) = unclaimed(&used) else { return Ok(weights) };
+    unclaimed.bones().for_each(|bone| used[bone as usize] = true);
+    let settings = BindSettings { bones: Some(used), ..BindSettings::default() };
+    let alone = bind_weights(mesh, skeleton, &settings, progress)?;
+    let alone: Vec<Row> = (0..alone.vertex_count()).map(|v| row_of(&alone, v)).collect();
+    Ok(unclaimed.share(&weights, &alone))
+}
+
+/// The pairs of equal names (or order, without names), if a map says nothing else as far as weights go.
+fn pairs_that_agree(
+    bone_map: &BoneMap,
+    carries_weight: &[bool],
+    from: &Skeleton,
+    to: &Skeleton,
+) -> Option<Vec<Option<u32>>> {
+    let pairs = pair_bones(from, to, carries_weight)?;
     let same = |(bone, pair): (usize, &Option<u32>)| {
         !carries_weight[bone] || bone_map.targets(bone) == pair.as_slice()
     };
-    pairs.iter().enumerate().all(same)
+    pairs.iter().enumerate().all(same).then_some(pairs)
 }

@@ -4,9 +4,11 @@ mod alignment;
 mod auto;
 pub mod bilaplacian;
 mod body;
+mod bone_heat;
 mod bone_rays;
 mod bone_rotations;
 mod bones;
+mod bound_alike;
 mod chains;
 pub mod deform;
 mod differing_shapes;
@@ -33,16 +35,19 @@ pub mod seams;
 pub mod shell;
 mod shepard;
 mod similarity;
+mod surface_sample;
 mod surface_weights;
 #[cfg(test)]
 mod test_surfaces;
 mod unclaimed;
 mod warp;
 
-use crate::mesh::TriangleMesh;
+use self::parts::{Part, PartPolicy};
+use crate::mesh::{PartChoice, TriangleMesh};
 use crate::progress::Progress;
 use crate::rig::Skeleton;
 use crate::skinning::SkinWeights;
+use differing_shapes::Differing;
 
 pub use bones::pair_bones;
 pub use chains::{Biped, ChainEnd, Chains};
@@ -73,11 +78,13 @@ pub struct Settings {
     pub max_influences: Option<usize>,
     /// Eigenpairs for distances between arbitrary vertices (eq. 17).
     pub eigenpairs: usize,
+    /// What becomes of loose parts of the target.
+    pub parts: PartChoice<PartPolicy>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { method: Method::Auto, max_influences: None, eigenpairs: 100 }
+        Self { method: Method::Auto, max_influences: None, eigenpairs: 100, parts: PartChoice::default() }
     }
 }
 
@@ -114,27 +121,34 @@ pub struct Retargeted {
     pub matched: Vec<bool>,
     /// Where each target vertex has its weights from.
     pub origin: Vec<Origin>,
+    /// What became of each loose part of the target, its body among them; empty by the paper's method.
+    pub parts: Vec<Part>,
     /// Landmark pairs used (source vertex, target vertex).
     pub landmarks: Vec<[u32; 2]>,
 }
 
-/// Retargets between skeletons whose weighted bones pair.
+/// Retargets between skeletons of which `pairs` tells the target bone of each source bone; every
+/// weighted one has a partner. `None` where a skeleton is missing. Returns also what the target's own
+/// skeleton should know where shapes differ.
 fn by_method(
-    source: Character<'_>,
-    source_weights: &SkinWeights,
+    (source, source_weights): (Character<'_>, &SkinWeights),
     target: Character<'_>,
+    pairs: Option<&[Option<u32>]>,
     landmarks: Option<&[[i64; 2]]>,
     settings: &Settings,
     progress: &Progress,
-) -> Result<Retargeted, RetargetError> {
-    check_counts(source, source_weights)?;
-    match (settings.method, source.skeleton, target.skeleton) {
-        (Method::Auto, Some(from), Some(to)) => {
+) -> Result<(Retargeted, Option<Differing>), RetargetError> {
+    match (settings.method, source.skeleton, target.skeleton, pairs) {
+        (Method::Auto, Some(from), Some(to), Some(pairs)) => {
             let source = auto::Rigged { mesh: source.mesh, skeleton: from };
             let target = auto::Rigged { mesh: target.mesh, skeleton: to };
-            auto::retarget(source, source_weights, target, landmarks, settings, progress)
+            auto::retarget((source, source_weights), target, pairs, landmarks, settings, progress)
         }
-        _ => paper::retarget(source, source_weights, target, landmarks, settings, progress),
+        _ if settings.parts != PartChoice::default() => Err(RetargetError::PartsByPaper),
+        _ => {
+            let source = (source, source_weights);
+            Ok((paper::retarget(source, target, pairs, landmarks, settings, progress)?, None))
+        }
     }
 }
 

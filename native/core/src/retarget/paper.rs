@@ -13,7 +13,7 @@ use super::landmarks::{check_landmarks, landmarks_from_skeletons};
 use super::loose_parts::follow;
 use super::matching::{Descriptors, Match, best_matches};
 use super::shepard::{NEIGHBOURS, shepard};
-use super::{Character, Origin, RetargetError, Retargeted, Settings, pair_bones};
+use super::{Character, Origin, RetargetError, Retargeted, Settings};
 use crate::mesh::{MeshError, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::rig::{Skeleton, decompose};
@@ -24,21 +24,17 @@ use crate::spectral::{BiharmonicDistance, ExactDistance, SpectralError};
 const EXACT: f64 = 1e-12;
 
 pub(super) fn retarget(
-    source: Character<'_>,
-    source_weights: &SkinWeights,
+    (source, source_weights): (Character<'_>, &SkinWeights),
     target: Character<'_>,
+    bone_pairs: Option<&[Option<u32>]>,
     landmarks: Option<&[[i64; 2]]>,
     settings: &Settings,
     progress: &Progress,
 ) -> Result<Retargeted, RetargetError> {
     progress.begin("Reading the characters", 0.0, 0.05)?;
     let carries_weight = source_weights.used_bones();
-    let bone_pairs = match (source.skeleton, target.skeleton) {
-        (Some(from), Some(to)) => Some(pair_bones(from, to, &carries_weight)?),
-        _ => None,
-    };
     // Both skeletons in the source's numbering, so that ties are broken alike on either side.
-    let paired_skeleton = match (source.skeleton, target.skeleton, &bone_pairs) {
+    let paired_skeleton = match (source.skeleton, target.skeleton, bone_pairs) {
         (Some(from), Some(to), Some(pairs)) => Some((from, to.renumbered(from, pairs))),
         _ => None,
     };
@@ -103,7 +99,7 @@ pub(super) fn retarget(
     let matched: Vec<bool> = whole.iter().map(|found| found.matched).collect();
     let origin =
         matched.iter().map(|&matched| if matched { Origin::Matched } else { Origin::Part }).collect();
-    let renamed = whole.into_iter().map(|found| renumber(found.row, bone_pairs.as_deref()));
+    let renamed = whole.into_iter().map(|found| renumber(found.row, bone_pairs));
     let mut weights = SkinWeights::from_rows(renamed, bone_count);
     if let Some(count) = settings.max_influences {
         weights = weights.limited(count);
@@ -113,6 +109,7 @@ pub(super) fn retarget(
         correspondence,
         matched,
         origin,
+        parts: Vec::new(),
         landmarks: pairs.iter().map(|&[s, t]| [source_body.whole(s), target_body.whole(t)]).collect(),
     })
 }

@@ -189,6 +189,7 @@ mod tests {
     use super::super::shell::Shell;
     use super::super::test_surfaces::{grid, icosphere, joined, mapped, permuted, similarity, tube};
     use super::*;
+    use crate::mesh::PartChoice;
     use glam::{DAffine3, DVec3};
 
     /// A limb along z with two bones that blend around its middle.
@@ -236,7 +237,8 @@ mod tests {
             let shell = Shell::new(&source, &query, &Progress::new()).unwrap();
             let surface = Surroundings { mesh: &source, query: &query, shell: &shell };
             let source = SourceWeights { surface, rows: &self.source_rows };
-            let parts = plan_parts(&target, &self.matched, source, wish);
+            let choice = PartChoice::All(wish).resolved(&target).unwrap();
+            let parts = plan_parts(&target, &self.matched, source, &choice);
             let rows: Vec<Row> = self.target.vertices().iter().map(|&p| ramp(p)).collect();
             let settings = InpaintSettings::default();
             weigh_parts(&target, &parts, &rows, &self.matched, source, &settings, &Progress::new()).unwrap()

@@ -12,7 +12,7 @@ use super::inpaint::{Row, blend, normalized};
 use super::loose_parts::follow;
 use super::part_shapes::{PartShape, part_shapes};
 use super::shell::extent;
-use crate::mesh::TriangleMesh;
+use crate::mesh::{ResolvedChoice, TriangleMesh};
 
 /// A part longer than this share of the target is large: a body or a garment.
 const LARGE: f64 = 0.25;
@@ -68,14 +68,13 @@ pub struct SourceWeights<'a> {
 
 /// Chooses the treatment of every part.
 ///
-/// `matched` marks target vertices that have a match they can rely on. `wish` applies to all parts
-/// but the body.
+/// `matched` marks target vertices that have a match they can rely on.
 #[must_use]
 pub fn plan_parts(
     target: &TriangleMesh,
     matched: &[bool],
     source: SourceWeights<'_>,
-    wish: PartPolicy,
+    choice: &ResolvedChoice<PartPolicy>,
 ) -> Vec<Part> {
     let (shapes, _) = part_shapes(target);
     let (source_shapes, _) = part_shapes(source.surface.mesh);
@@ -110,10 +109,10 @@ pub fn plan_parts(
                 _ => PartPolicy::Follow,
             }
         };
-        let policy = match (is_body, wish) {
-            (true, _) => PartPolicy::Match,
-            (false, PartPolicy::Auto) => automatic(),
-            (false, wish) => wish,
+        let policy = match choice.of(&shape.vertices, is_body) {
+            PartPolicy::Auto if is_body => PartPolicy::Match,
+            PartPolicy::Auto => automatic(),
+            chosen => chosen,
         };
         let like = like.map(|like| like.vertices.clone());
         Part { vertices: shape.vertices.clone(), policy, is_body, like }

@@ -8,7 +8,7 @@
 
 use glam::DVec3;
 
-use super::geodesic::Ball;
+use super::geodesic::{Ball, joined_by_two_edges};
 use super::icp::Surroundings;
 use super::parallel::map_indices;
 use crate::mesh::{Adjacency, ClosestPoint, MeshError, TriangleMesh};
@@ -32,11 +32,13 @@ pub struct RejectionSettings {
     /// Largest distance, as a share of the thinner body's thickness at that place; a quarter of
     /// `max_distance` is always allowed.
     pub max_depth: f64,
+    /// Whether a match on the body's other wall may stand in for a closest point that fails.
+    pub other_wall: bool,
 }
 
 impl Default for RejectionSettings {
     fn default() -> Self {
-        Self { max_angle: 60.0, max_distance: 0.02, max_depth: 0.5 }
+        Self { max_angle: 60.0, max_distance: 0.02, max_depth: 0.5, other_wall: true }
     }
 }
 
@@ -145,7 +147,7 @@ fn best(
         Some(Candidate { at, agreement, passes: near && angle && !beyond })
     };
     let closest = judge(point)?;
-    if closest.passes || closest.at.distance > limits.farthest {
+    if closest.passes || !limits.settings.other_wall || closest.at.distance > limits.farthest {
         return Some(closest);
     }
     let step = closest.at.distance.max(0.25 * limits.farthest);
@@ -215,7 +217,11 @@ impl Neighbours {
                 let straight = self.target.vertices()[v].distance(self.target.vertices()[n as usize]);
                 let slack = coarse(own) + coarse(at);
                 let bound = DETOUR * straight + own.distance + at.distance + slack;
-                // The way is mostly straight, and then a small ball decides.
+                // The way is mostly short and straight, and then a look around or a small ball decides.
+                let ends = [own, at].map(|at| (corners(at), at.position));
+                if joined_by_two_edges(&self.source, &self.source_edges, ends[0], ends[1], bound) {
+                    return (n, true);
+                }
                 let likely = (1.2 * own.position.distance(at.position) + slack).min(bound);
                 for radius in [likely, bound] {
                     if grown < radius {
@@ -251,6 +257,10 @@ impl Neighbours {
         }
         let near = |corner: &u32| *corner == own || self.neighbours(v).contains(corner);
         if corners.iter().any(near) {
+            return true;
+        }
+        let ends = [([own; 3], point), (corners, home.position)];
+        if joined_by_two_edges(&self.target, &self.target_edges, ends[0], ends[1], radius) {
             return true;
         }
         ball.grow(&self.target, &self.target_edges, [own; 3], point, radius);

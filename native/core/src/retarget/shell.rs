@@ -129,6 +129,34 @@ impl Shell {
         outward(moved, &self.stands_for, Some(&self.side))
     }
 
+    /// For each of some vertices the triangles that meet there once seams are closed, ascending.
+    pub(super) fn triangles_around(
+        &self,
+        mesh: &TriangleMesh,
+        vertices: impl Iterator<Item = u32>,
+    ) -> Vec<Vec<u32>> {
+        let mut around = vec![Vec::new(); mesh.vertex_count()];
+        for (t, triangle) in (0u32..).zip(mesh.triangles()) {
+            triangle.iter().for_each(|&v| around[self.stands_for[v as usize] as usize].push(t));
+        }
+        vertices.map(|v| around[self.stands_for[v as usize] as usize].clone()).collect()
+    }
+
+    /// Outward normal of one vertex once the vertices have moved; `around` are the triangles there.
+    pub(super) fn normal_of(
+        &self,
+        mesh: &TriangleMesh,
+        moved: &[DVec3],
+        vertex: u32,
+        around: &[u32],
+    ) -> DVec3 {
+        let normal = |&t: &u32| {
+            let [a, b, c] = mesh.triangles()[t as usize].map(|v| moved[v as usize]);
+            (b - a).cross(c - a)
+        };
+        around.iter().map(normal).sum::<DVec3>().normalize_or_zero() * self.side[vertex as usize]
+    }
+
     /// Outward normal at a point of the surface, and whether both sides count as outside there.
     #[must_use]
     pub fn normal_at(&self, mesh: &TriangleMesh, point: &ClosestPoint) -> (DVec3, bool) {

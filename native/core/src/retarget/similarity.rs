@@ -8,6 +8,7 @@ use super::icp::Surroundings;
 use super::parallel::map_indices;
 use super::rigid_fit::rigid_fit;
 use super::shell::median;
+use super::surface_sample::Sample;
 use crate::mesh::SurfaceQuery;
 use crate::progress::{Cancelled, Progress};
 use crate::rig::Skeleton;
@@ -22,38 +23,42 @@ const SETTLED: f64 = 1e-5;
 const HOPELESS: f64 = 0.03;
 /// Most points of a round's fit come this near, as a multiple of the median distance.
 const NEAR: f64 = 3.0;
+/// Of a large surface about so many points are compared.
+pub(super) const POINTS: usize = 5_000;
 
 /// The source's vertices after the similarity that takes its joints to the aligned ones, corrected
-/// by closest points of the target where the joints disagree, and whether they agree exactly.
+/// by closest points of the target where the joints disagree, and whether they agree exactly. `samples`
+/// stand for all vertices.
 ///
 /// # Errors
 /// [`Cancelled`] when `progress` was cancelled.
 pub(super) fn similar(
-    vertices: &[DVec3],
+    (vertices, samples): (&[DVec3], &[Sample]),
     (skeleton, aligned): (&Skeleton, &Skeleton),
     takes_part: &[bool],
     target: Surroundings<'_>,
     progress: &Progress,
 ) -> Result<(Vec<DVec3>, bool), Cancelled> {
     let bones = (0..takes_part.len()).filter(|&b| takes_part[b]);
-    let joints: Vec<(DVec3, DVec3)> = bones.map(|b| (skeleton.heads()[b], aligned.heads()[b])).collect();
+    let joints: Vec<Pair> = bones.map(|b| (skeleton.heads()[b], aligned.heads()[b], 1.0)).collect();
     let mut moved: Vec<DVec3> = vertices.to_vec();
     let error = fit(&joints, &mut moved);
     if error <= EXACT * target.shell.extent {
         return Ok((moved, true));
     }
-    for _ in 0..ROUNDS {
-        let found = map_indices(moved.len(), progress, [0.0, 0.0], |v, (): &mut ()| {
-            target.query.closest_point(moved[v]).map(|closest| (moved[v], closest.position))
+    for round in 0..ROUNDS {
+        let shares = [round, round + 1].map(|round| 0.6 * f64::from(round) / f64::from(ROUNDS));
+        let found = map_indices(samples.len(), progress, shares, |at, (): &mut ()| {
+            let point = moved[samples[at].vertex as usize];
+            target.query.closest_point(point).map(|closest| (point, closest.position, samples[at].count))
         })?;
-        let distance = |pair: &(DVec3, DVec3)| pair.0.distance(pair.1);
+        let distance = |pair: &Pair| pair.0.distance(pair.1);
         let typical = median(found.iter().flatten().map(distance).collect());
         if typical > HOPELESS * target.shell.extent {
             break;
         }
         let bound = NEAR * typical;
-        let near: Vec<(DVec3, DVec3)> =
-            found.into_iter().flatten().filter(|pair| distance(pair) <= bound).collect();
+        let near: Vec<Pair> = found.into_iter().flatten().filter(|pair| distance(pair) <= bound).collect();
         let before = moved.clone();
         fit(&near, &mut moved);
         let step = before.iter().zip(&moved).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
@@ -64,36 +69,39 @@ pub(super) fn similar(
     Ok((moved, false))
 }
 
+/// Two points that belong together, and how much they count.
+type Pair = (DVec3, DVec3, f64);
+
 /// Moves points by the similarity that best fits pairs, and returns the root mean square error.
-fn fit(pairs: &[(DVec3, DVec3)], points: &mut [DVec3]) -> f64 {
+fn fit(pairs: &[Pair], points: &mut [DVec3]) -> f64 {
     if pairs.is_empty() {
         return f64::INFINITY;
     }
-    let count = pairs.len() as f64;
-    let from = pairs.iter().map(|pair| pair.0).sum::<DVec3>() / count;
-    let to = pairs.iter().map(|pair| pair.1).sum::<DVec3>() / count;
-    let weighted: Vec<(DVec3, DVec3, f64)> = pairs.iter().map(|&(a, b)| (a, b, 1.0)).collect();
-    let rotation = rigid_fit(&weighted).rotation;
-    let spread: f64 = pairs.iter().map(|pair| pair.0.distance_squared(from)).sum();
-    let along: f64 = pairs.iter().map(|pair| (rotation * (pair.0 - from)).dot(pair.1 - to)).sum();
+    let count: f64 = pairs.iter().map(|pair| pair.2).sum();
+    let from = pairs.iter().map(|pair| pair.0 * pair.2).sum::<DVec3>() / count;
+    let to = pairs.iter().map(|pair| pair.1 * pair.2).sum::<DVec3>() / count;
+    let rotation = rigid_fit(pairs).rotation;
+    let spread: f64 = pairs.iter().map(|pair| pair.2 * pair.0.distance_squared(from)).sum();
+    let along: f64 = pairs.iter().map(|pair| pair.2 * (rotation * (pair.0 - from)).dot(pair.1 - to)).sum();
     let scale = if spread > 0.0 && along > 0.0 { along / spread } else { 1.0 };
     let place = |point: DVec3| to + rotation * (point - from) * scale;
     points.iter_mut().for_each(|point| *point = place(*point));
-    (pairs.iter().map(|pair| place(pair.0).distance_squared(pair.1)).sum::<f64>() / count).sqrt()
+    (pairs.iter().map(|pair| pair.2 * place(pair.0).distance_squared(pair.1)).sum::<f64>() / count).sqrt()
 }
 
-/// Median distance of the target's vertices to a surface.
+/// Median distance of the target's vertices, for which `samples` stand, to a surface.
 ///
 /// # Errors
 /// [`Cancelled`] when `progress` was cancelled.
 pub(super) fn distance_to(
     query: &SurfaceQuery,
-    target: Surroundings<'_>,
+    (vertices, samples): (&[DVec3], &[Sample]),
+    shares: [f64; 2],
     progress: &Progress,
 ) -> Result<f64, Cancelled> {
-    let vertices = target.mesh.vertices();
-    let found = map_indices(vertices.len(), progress, [0.0, 0.0], |v, (): &mut ()| {
-        query.closest_point(vertices[v]).map_or(f64::INFINITY, |closest| closest.distance)
+    let found = map_indices(samples.len(), progress, shares, |at, (): &mut ()| {
+        let point = vertices[samples[at].vertex as usize];
+        query.closest_point(point).map_or(f64::INFINITY, |closest| closest.distance)
     })?;
     Ok(median(found))
 }
@@ -120,8 +128,10 @@ mod tests {
                 .map(|&p| motion.transform_point3(p + slip * DVec3::new(p.y, p.z, p.x)))
                 .collect();
             let aligned = Skeleton::new(aligned.clone(), aligned, &[-1, 0, 1], None).unwrap();
-            let moved =
-                similar(source.vertices(), (&skeleton, &aligned), &[true; 3], around, &Progress::new());
+            let all: Vec<Sample> =
+                (0..source.vertex_count() as u32).map(|vertex| Sample { vertex, count: 1.0 }).collect();
+            let rigs = (&skeleton, &aligned);
+            let moved = similar((source.vertices(), &all), rigs, &[true; 3], around, &Progress::new());
             let (found, exact) = moved.unwrap();
             assert_eq!(exact, slip == 0.0);
             let worst = found.iter().map(|p| query.closest_point(*p).unwrap().distance).fold(0.0, f64::max);

@@ -7,21 +7,23 @@ use kdtree::distance::squared_euclidean;
 use rayon::prelude::*;
 
 use super::auto::{mesh_error, spectral_error};
-use super::differing_shapes::mix_skeleton_weights;
+use super::differing_shapes::on_vertices;
 use super::icp::Surroundings;
 use super::inpaint::{InpaintSettings, Row};
-use super::joint_refinement::Alignment;
 use super::part_weights::{PartWeights, weigh_parts};
-use super::parts::{PartPolicy, SourceWeights, plan_parts};
+use super::parts::{Part, PartPolicy, SourceWeights, plan_parts};
 use super::rejection::{RejectionSettings, SurfaceMatch, match_surfaces};
-use super::shell::Shell;
+use super::shell::{Shell, tie_break};
 use super::{Origin, RetargetError};
-use crate::mesh::{SurfaceQuery, TriangleMesh};
+use crate::mesh::{ResolvedChoice, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::skinning::SkinWeights;
 
 /// Inpainting reaches this far from accepted matches, as a share of the extent.
 const FAR_FROM_MATCHES: f64 = 0.02;
+
+/// Places whose distances differ by less than this share of the extent are equally near.
+const EQUALLY_NEAR: f64 = 1e-7;
 
 /// What the target takes from the source, over the source's bones.
 pub(super) struct TakenOver {
@@ -31,14 +33,17 @@ pub(super) struct TakenOver {
     pub(super) matched: Vec<bool>,
     /// Source vertex for each target vertex.
     pub(super) correspondence: Vec<u32>,
+    /// Source vertices around the match of each target vertex, and their shares.
+    pub(super) matches: Vec<([u32; 3], [f64; 3])>,
+    /// What became of each part.
+    pub(super) parts: Vec<Part>,
 }
 
-/// Takes the weights of `source`, which lies on the target, over to it, with each bone's share of
-/// the skeleton's own weights. `tests` are those of the matches.
+/// Takes the weights of `source`, which lies on the target, over to it. `tests` are those of the matches.
 pub(super) fn take_over(
     (source, weights, tests): (&TriangleMesh, &SkinWeights, &RejectionSettings),
     target: Surroundings<'_>,
-    (alignment, shares): (&Alignment<'_>, &[f64]),
+    choice: &ResolvedChoice<PartPolicy>,
     progress: &Progress,
 ) -> Result<TakenOver, RetargetError> {
     progress.begin("Matching surfaces", 0.75, 0.9)?;
@@ -51,33 +56,53 @@ pub(super) fn take_over(
     let depth = FAR_FROM_MATCHES * target.shell.extent;
     let far = far_from_matches(target.mesh.vertices(), &accepted, depth);
     let known: Vec<bool> = accepted.iter().zip(&far).map(|(accepted, far)| *accepted || *far).collect();
-    let rows: Vec<Row> = matches.iter().map(|found| blend(found, source, weights)).collect();
+    let vertices = target.mesh.vertices().par_iter();
+    let rows: Vec<Row> = matches
+        .par_iter()
+        .zip(vertices)
+        .map(|(found, &point)| match other_closest(point, found, surface) {
+            Some(other) => {
+                let [own, other] =
+                    [(found.triangle, found.barycentric), other].map(|place| blend(place, source, weights));
+                super::inpaint::blend([(&own, 0.5), (&other, 0.5)].into_iter())
+            }
+            None => blend((found.triangle, found.barycentric), source, weights),
+        })
+        .collect();
 
     progress.begin("Filling weights", 0.9, 1.0)?;
     let source_rows: Vec<Row> = (0..source.vertex_count())
         .map(|v| weights.entries(v).map(|(bone, weight)| (bone, f64::from(weight))).collect())
         .collect();
     let placed = SourceWeights { surface, rows: &source_rows };
-    let parts = plan_parts(target.mesh, &accepted, placed, PartPolicy::Auto);
+    let parts = plan_parts(target.mesh, &accepted, placed, choice);
     let filling = InpaintSettings::default();
-    let mut filled =
+    let filled =
         weigh_parts(target.mesh, &parts, &rows, &known, placed, &filling, progress).map_err(spectral)?;
     let origin = origins(&filled, &accepted);
-    mix_skeleton_weights(&mut filled.rows, target.mesh.vertices(), alignment, shares, |v| {
-        origin[v] != Origin::Part
-    });
     Ok(TakenOver {
         rows: filled.rows,
+        parts: filled.parts,
         matched: origin.iter().map(|&origin| origin == Origin::Matched).collect(),
         origin,
         correspondence: matches.iter().map(|found| nearest(found, source)).collect(),
+        matches: on_vertices(&matches, source),
     })
 }
 
-/// Weights of the source at a match.
-fn blend(found: &SurfaceMatch, mesh: &TriangleMesh, weights: &SkinWeights) -> Row {
+/// The other side's closest point where a vertex lies between two that are equally near, as on the
+/// mirror plane of a body: both count, or the order of triangles would decide.
+fn other_closest(point: DVec3, found: &SurfaceMatch, source: Surroundings<'_>) -> Option<(u32, [f64; 3])> {
+    let extent = source.shell.extent;
+    let other = source.query.closest_point(point - tie_break(extent))?;
+    let is_tie = (other.position.distance(point) - found.distance).abs() <= EQUALLY_NEAR * extent;
+    (is_tie && other.triangle != found.triangle).then_some((other.triangle, other.barycentric))
+}
+
+/// Weights of the source at a place on it.
+fn blend((triangle, barycentric): (u32, [f64; 3]), mesh: &TriangleMesh, weights: &SkinWeights) -> Row {
     let mut row = Row::new();
-    for (&corner, share) in mesh.triangles()[found.triangle as usize].iter().zip(found.barycentric) {
+    for (&corner, share) in mesh.triangles()[triangle as usize].iter().zip(barycentric) {
         let total = weights.total(corner as usize);
         for (bone, weight) in weights.entries(corner as usize) {
             let part = share * f64::from(weight) / total;

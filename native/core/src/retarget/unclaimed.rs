@@ -2,53 +2,48 @@
 //! twist bones, toes. Where weights made from the target's skeleton alone give them a share, they
 //! take it from the bone that they hang on and from all that hangs on it.
 
-use crate::mesh::TriangleMesh;
-use crate::progress::Progress;
-use crate::rig::{BindError, BindSettings, BoneMap, Skeleton, bind_weights};
+use super::inpaint::Row;
+use crate::rig::{BoneMap, Skeleton};
 use crate::skinning::SkinWeights;
 
-/// Divides weights (V×B) between the bones that `bone_map` claims and the unclaimed bones below
-/// them. Sums of rows stay.
+/// The bones that only the target has, and those that they take their weight from.
 ///
 /// Let p be a claimed bone with unclaimed bones below it, and a their share of the weight that the
 /// skeleton alone gives p and its descendants at a vertex. Then a of what p and its descendants have
 /// goes to the unclaimed bones, in the proportions of the skeleton's weights.
-///
-/// # Errors
-/// [`BindError`] where the mesh cannot be bound, and for a cancelled bind.
-pub(super) fn share_with_unclaimed(
-    weights: SkinWeights,
-    bone_map: &BoneMap,
-    mesh: &TriangleMesh,
-    skeleton: &Skeleton,
-    progress: &Progress,
-) -> Result<SkinWeights, BindError> {
-    let mut claimed = vec![false; skeleton.bone_count()];
-    for bone in 0..bone_map.source_bone_count() {
-        for &target in bone_map.targets(bone) {
-            claimed[target as usize] = true;
+pub(super) struct Unclaimed {
+    families: Vec<Family>,
+}
+
+impl Unclaimed {
+    /// `used` (B) marks target bones with weight. `None` where every bone is claimed.
+    pub(super) fn new(bone_map: &BoneMap, used: &[bool], skeleton: &Skeleton) -> Option<Self> {
+        let mut claimed = vec![false; skeleton.bone_count()];
+        for bone in 0..bone_map.source_bone_count() {
+            for &target in bone_map.targets(bone) {
+                claimed[target as usize] = true;
+            }
         }
+        let families = families(&claimed, used, skeleton);
+        (!families.is_empty()).then_some(Self { families })
     }
-    let used = weights.used_bones();
-    let families = families(&claimed, &used, skeleton);
-    if families.is_empty() {
-        return Ok(weights);
+
+    /// The unclaimed bones.
+    pub(super) fn bones(&self) -> impl Iterator<Item = u32> + '_ {
+        self.families.iter().flat_map(|family| family.unclaimed.iter().copied())
     }
-    let mut takes_part = used;
-    for family in &families {
-        family.unclaimed.iter().for_each(|&bone| takes_part[bone as usize] = true);
+
+    /// Weights (V×B) divided between the claimed and the unclaimed bones, as the skeleton's own rows
+    /// (V) say. Sums of rows stay.
+    pub(super) fn share(&self, weights: &SkinWeights, alone: &[Row]) -> SkinWeights {
+        let rows = alone.iter().enumerate().map(|(vertex, alone)| {
+            let mut row: Row =
+                weights.entries(vertex).map(|(bone, weight)| (bone, f64::from(weight))).collect();
+            self.families.iter().for_each(|family| family.divide(&mut row, alone));
+            row
+        });
+        SkinWeights::from_rows(rows, weights.bone_count())
     }
-    let settings = BindSettings { bones: Some(takes_part), ..BindSettings::default() };
-    let alone = bind_weights(mesh, skeleton, &settings, progress)?;
-    let rows = (0..weights.vertex_count()).map(|vertex| {
-        let entries = |weights: &SkinWeights| -> Vec<(u32, f64)> {
-            weights.entries(vertex).map(|(bone, weight)| (bone, f64::from(weight))).collect()
-        };
-        let (mut row, alone) = (entries(&weights), entries(&alone));
-        families.iter().for_each(|family| family.divide(&mut row, &alone));
-        row
-    });
-    Ok(SkinWeights::from_rows(rows, skeleton.bone_count()))
 }
 
 /// A claimed bone with weight that has unclaimed bones below it.

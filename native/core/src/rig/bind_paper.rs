@@ -4,27 +4,22 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Region, Skeleton, decompose, distance_to_segment};
+use super::regions::nearest_bones;
+use super::{Region, Skeleton, decompose};
 use crate::skinning::SkinWeights;
 
 const IN_JOINT_AREAS: usize = 3;
 const ELSEWHERE: usize = 2;
 
 /// Weights (V×B) of points among the bones (B) that take part. Each point is attached to its nearest
-/// segments, the lower bone where two are equally near. A point on bones belongs to these alone, in
+/// segments, of equally near ones to those that it leans to. A point on bones belongs to these alone, in
 /// equal parts. Rows sum to 1; without bones that take part they are empty.
 #[must_use]
 pub fn bind_weights_paper(points: &[DVec3], skeleton: &Skeleton, takes_part: &[bool]) -> SkinWeights {
     let regions = decompose(points, skeleton, takes_part);
-    let bones: Vec<usize> = (0..skeleton.bone_count()).filter(|&bone| takes_part[bone]).collect();
     let row = |(&point, region): (&DVec3, &Option<Region>)| {
         let attached = if matches!(region, Some(Region::Joint(_))) { IN_JOINT_AREAS } else { ELSEWHERE };
-        let distance = |&bone: &usize| {
-            let (head, tail) = (skeleton.heads()[bone], skeleton.tails()[bone]);
-            (distance_to_segment(point, head, tail), bone as u32)
-        };
-        let mut nearest: Vec<(f64, u32)> = bones.iter().map(distance).collect();
-        nearest.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut nearest = nearest_bones(point, skeleton, takes_part);
         nearest.truncate(attached);
         let least = nearest.first().map_or(0.0, |found| found.0);
         // Relative to the nearest, so that no power overflows whatever the unit.

@@ -1,8 +1,8 @@
 //! Weights for a mesh that has none, from its skeleton alone: the one entrance to all methods.
 
-use super::bind::{bind_volumetric, limit_influences};
+use super::bind::{BindPartPolicy, bind_volumetric, limit_influences};
 use super::{Skeleton, bind_weights_paper};
-use crate::mesh::TriangleMesh;
+use crate::mesh::{PartChoice, PartChoiceError, TriangleMesh};
 use crate::progress::{Cancelled, Progress};
 use crate::skinning::SkinWeights;
 
@@ -25,6 +25,19 @@ pub struct BindSettings {
     pub max_influences: Option<usize>,
     /// The bones (B) that take part; `None` for all.
     pub bones: Option<Vec<bool>>,
+    /// What becomes of loose parts.
+    pub parts: PartChoice<BindPartPolicy>,
+    /// Vertices that keep the weights they have.
+    pub protected: Option<ProtectedWeights>,
+}
+
+/// Vertices that keep their weights bit for bit, whatever these add up to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ProtectedWeights {
+    /// Which vertices (V).
+    pub vertices: Vec<bool>,
+    /// The weights that there are (V×B).
+    pub weights: SkinWeights,
 }
 
 /// A bind that cannot be done.
@@ -45,6 +58,24 @@ pub enum BindError {
         /// Length of the choice.
         given: usize,
         /// Bones of the skeleton.
+        expected: usize,
+    },
+    /// The treatments of loose parts do not fit the mesh.
+    #[error(transparent)]
+    Parts(#[from] PartChoiceError),
+    /// Treatments of loose parts were given to the paper's method, which knows none.
+    #[error("loose parts can be treated by method \"volumetric\" alone")]
+    PartsByPaper,
+    /// What is protected is not of this mesh and skeleton.
+    #[error("protected {what} are of {given} {element}, but there are {expected}")]
+    ProtectedCounts {
+        /// "vertices" or "weights".
+        what: &'static str,
+        /// "vertices" or "bones".
+        element: &'static str,
+        /// What was given.
+        given: usize,
+        /// What the mesh or the skeleton has.
         expected: usize,
     },
     /// The work was asked to stop.
@@ -76,12 +107,49 @@ pub fn bind_weights(
     if !takes_part.contains(&true) {
         return Err(BindError::NoChosenBones);
     }
+    if settings.method == BindMethod::Paper && settings.parts != PartChoice::default() {
+        return Err(BindError::PartsByPaper);
+    }
+    let choice = settings.parts.resolved(mesh)?;
+    if let Some(protected) = &settings.protected {
+        check_protected(protected, mesh.vertex_count(), expected)?;
+    }
     let weights = match settings.method {
-        BindMethod::Volumetric => bind_volumetric(mesh, skeleton, &takes_part, progress)?,
+        BindMethod::Volumetric => bind_volumetric(mesh, skeleton, &takes_part, &choice, progress)?,
         BindMethod::Paper => bind_weights_paper(mesh.vertices(), skeleton, &takes_part),
     };
-    Ok(match settings.max_influences {
+    let weights = match settings.max_influences {
         Some(count) => limit_influences(&weights, count),
         None => weights,
+    };
+    Ok(match &settings.protected {
+        Some(protected) => with_protected(&weights, protected),
+        None => weights,
     })
+}
+
+fn check_protected(
+    protected: &ProtectedWeights,
+    vertex_count: usize,
+    bone_count: usize,
+) -> Result<(), BindError> {
+    let counts = [
+        ("vertices", "vertices", protected.vertices.len(), vertex_count),
+        ("weights", "vertices", protected.weights.vertex_count(), vertex_count),
+        ("weights", "bones", protected.weights.bone_count(), bone_count),
+    ];
+    match counts.into_iter().find(|&(.., given, expected)| given != expected) {
+        Some((what, element, given, expected)) => {
+            Err(BindError::ProtectedCounts { what, element, given, expected })
+        }
+        None => Ok(()),
+    }
+}
+
+fn with_protected(weights: &SkinWeights, protected: &ProtectedWeights) -> SkinWeights {
+    let row = |vertex: usize| {
+        let kept = if protected.vertices[vertex] { &protected.weights } else { weights };
+        kept.entries(vertex).map(|(bone, weight)| (bone, f64::from(weight)))
+    };
+    SkinWeights::from_rows((0..weights.vertex_count()).map(row), weights.bone_count())
 }

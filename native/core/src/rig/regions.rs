@@ -1,16 +1,21 @@
 //! Decomposition of a surface into joint regions and bone regions (section 4.1, figure 3).
 //!
 //! Vertices near a joint, within a radius, belong to the joint; every other vertex belongs to its
-//! nearest bone segment. A joint is the head of a bone that has a parent.
+//! nearest bone segment. A joint is the head of a bone that has a parent. A vertex on the outer side
+//! of a bent joint is equally near to both bones there, namely at the joint: it belongs to the bone to
+//! whose side it leans.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Skeleton, distance_to_segment};
+use super::{Skeleton, closest_on_segment};
 
 /// Radius of a joint region as a share of the shorter of the two bones that meet there. The paper
 /// sets it by experience.
 pub const JOINT_RADIUS: f64 = 0.3;
+
+/// Bones whose distances differ by less than this share are equally near.
+const EQUALLY_NEAR: f64 = 1e-9;
 
 /// Region of a vertex.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -40,7 +45,7 @@ pub fn joint_radii(skeleton: &Skeleton, takes_part: &[bool]) -> Vec<f64> {
 #[must_use]
 pub fn decompose(points: &[DVec3], skeleton: &Skeleton, takes_part: &[bool]) -> Vec<Option<Region>> {
     let radii = joint_radii(skeleton, takes_part);
-    let (heads, tails) = (skeleton.heads(), skeleton.tails());
+    let heads = skeleton.heads();
     let region = |&point: &DVec3| {
         let joint = (0..radii.len())
             .filter(|&bone| radii[bone] > 0.0)
@@ -50,13 +55,34 @@ pub fn decompose(points: &[DVec3], skeleton: &Skeleton, takes_part: &[bool]) -> 
         if let Some((bone, _)) = joint {
             return Some(Region::Joint(bone as u32));
         }
-        (0..radii.len())
-            .filter(|&bone| takes_part[bone])
-            .map(|bone| (bone, distance_to_segment(point, heads[bone], tails[bone])))
-            .min_by(|a, b| a.1.total_cmp(&b.1))
-            .map(|(bone, _)| Region::Bone(bone as u32))
+        nearest_bones(point, skeleton, takes_part).first().map(|&(_, bone)| Region::Bone(bone))
     };
     points.par_iter().map(region).collect()
+}
+
+/// Distances to the bones (B) that take part, the nearest first. Of bones that are equally near, as
+/// at a joint, the one comes first that makes the smallest angle with the way to the point; rounding
+/// decides neither.
+pub(super) fn nearest_bones(point: DVec3, skeleton: &Skeleton, takes_part: &[bool]) -> Vec<(f64, u32)> {
+    let mut found: Vec<(f64, f64, u32)> = (0..takes_part.len())
+        .filter(|&bone| takes_part[bone])
+        .map(|bone| {
+            let (head, tail) = (skeleton.heads()[bone], skeleton.tails()[bone]);
+            let at = closest_on_segment(point, head, tail).0;
+            // From an end of the bone into it; along it in between, which is across the way.
+            let inward = (0.5 * (head + tail) - at).normalize_or_zero();
+            (point.distance(at), (point - at).normalize_or_zero().dot(inward), bone as u32)
+        })
+        .collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
+    let mut rest = &mut found[..];
+    while let Some(first) = rest.first() {
+        let bound = first.0 * (1.0 + EQUALLY_NEAR);
+        let (equal, farther) = rest.split_at_mut(rest.partition_point(|entry| entry.0 <= bound));
+        equal.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.2.cmp(&b.2)));
+        rest = farther;
+    }
+    found.into_iter().map(|(distance, _, bone)| (distance, bone)).collect()
 }
 
 #[cfg(test)]
@@ -75,6 +101,23 @@ mod tests {
         assert_eq!(regions, [first, first, joint, joint, second, second]);
         let alone = decompose(&points, &skeleton, &[false, true]);
         assert!(alone.iter().all(|region| *region == Some(second)));
+    }
+
+    #[test]
+    fn beyond_a_bent_joint_a_point_belongs_to_the_bone_it_leans_to() {
+        let joints = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0)];
+        let skeleton = Skeleton::new(joints[..2].to_vec(), joints[1..].to_vec(), &[-1, 0], None).unwrap();
+        // Both are nearest to the joint itself, whatever rounding says of the distances.
+        let points = [DVec3::new(1.3, -0.5, 0.1), DVec3::new(1.5, -0.3, 0.1)];
+        let mut random = 1.0;
+        for _ in 0..100 {
+            random = (random * 997.0 + 0.1) % 1.0;
+            let turn = glam::DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 7.0 * random);
+            let place = |points: &[DVec3]| points.iter().map(|&p| turn * p + turn.x_axis).collect::<Vec<_>>();
+            let moved = skeleton.placed(place(skeleton.heads()), place(skeleton.tails()));
+            let found = decompose(&place(&points), &moved, &[true; 2]);
+            assert_eq!(found, [Some(Region::Bone(0)), Some(Region::Bone(1))]);
+        }
     }
 
     #[test]

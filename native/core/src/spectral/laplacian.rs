@@ -6,7 +6,7 @@
 //! properties: symmetric, positive semi-definite, constants in the kernel, no negative weight
 //! beyond rounding.
 
-use super::intrinsic::Side;
+use super::intrinsic::{IntrinsicTriangulation, Side};
 use super::tufted_cover::tufted_cover;
 use crate::linalg::SymmetricMatrix;
 use crate::mesh::{MeshError, TriangleMesh};
@@ -29,6 +29,18 @@ impl Laplacian {
     pub fn new(mesh: &TriangleMesh) -> Result<Self, MeshError> {
         let mut cover = tufted_cover(mesh);
         cover.flip_to_delaunay();
+        Self::of_cover(&cover, mesh)
+    }
+
+    /// The plain cotangent Laplacian on the mesh's own edges, whose weights may be negative.
+    ///
+    /// # Errors
+    /// As [`Laplacian::new`].
+    pub fn cotangent(mesh: &TriangleMesh) -> Result<Self, MeshError> {
+        Self::of_cover(&tufted_cover(mesh), mesh)
+    }
+
+    fn of_cover(cover: &IntrinsicTriangulation, mesh: &TriangleMesh) -> Result<Self, MeshError> {
         let mut areas = vec![0.0; mesh.vertex_count()];
         let mut entries = Vec::with_capacity(12 * cover.triangle_count());
         for t in 0..cover.triangle_count() {

@@ -24,17 +24,17 @@ const SMALLEST_REST: f64 = 1e-3;
 
 /// A plane: `normal · p = offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Plane {
-    normal: DVec3,
-    offset: f64,
+pub(in crate::rig) struct Plane {
+    pub(in crate::rig) normal: DVec3,
+    pub(in crate::rig) offset: f64,
 }
 
 impl Plane {
-    fn height(&self, point: DVec3) -> f64 {
+    pub(in crate::rig) fn height(&self, point: DVec3) -> f64 {
         self.normal.dot(point) - self.offset
     }
 
-    fn mirrored(&self, point: DVec3) -> DVec3 {
+    pub(in crate::rig) fn mirrored(&self, point: DVec3) -> DVec3 {
         point - self.normal * (2.0 * self.height(point))
     }
 }
@@ -139,7 +139,7 @@ fn share(height: f64) -> f64 {
 }
 
 /// The plane between two bones of one length that most bones are mirrored in.
-fn mirror_plane(bones: &[(usize, [DVec3; 2])], tolerance: f64) -> Option<Plane> {
+pub(in crate::rig) fn mirror_plane(bones: &[(usize, [DVec3; 2])], tolerance: f64) -> Option<Plane> {
     let mut best: Option<(usize, Plane)> = None;
     let mut tried: Vec<Plane> = Vec::new();
     for (i, (_, ends)) in bones.iter().enumerate() {

@@ -7,7 +7,8 @@
 //! 3. Both decide, softly, which bone a vertex belongs to (`labels`), and a diffusion over the
 //!    surface makes the falloff (`falloff`).
 //! 4. Where the skeleton has a mirror plane, bones keep to their side (`mirror`).
-//! 5. What the bones do not reach follows what they do (`loose_parts`).
+//! 5. What the bones do not reach follows what they do, and small parts move as one, unless something
+//!    else is chosen (`loose_parts`).
 //!
 //! Any mesh with a triangle and any skeleton with a bone gets weights: open, in pieces,
 //! self-intersecting, flat, with bones outside. Moving, turning or scaling mesh and skeleton
@@ -26,12 +27,14 @@ mod sources;
 
 use glam::DVec3;
 
-use crate::mesh::TriangleMesh;
+use crate::mesh::{ResolvedChoice, TriangleMesh};
 use crate::progress::{Cancelled, Progress};
 use crate::rig::Skeleton;
 use crate::skinning::SkinWeights;
 
 pub(super) use limit::limit_influences;
+pub use loose_parts::BindPartPolicy;
+pub(super) use mirror::{Plane, mirror_plane};
 
 use body::Body;
 use labels::{Labels, Row};
@@ -45,6 +48,7 @@ pub(super) fn bind_volumetric(
     mesh: &TriangleMesh,
     skeleton: &Skeleton,
     takes_part: &[bool],
+    choice: &ResolvedChoice<BindPartPolicy>,
     progress: &Progress,
 ) -> Result<SkinWeights, Cancelled> {
     progress.begin("Filling the body", 0.0, 0.2)?;
@@ -54,7 +58,7 @@ pub(super) fn bind_volumetric(
     let mut rows = falloff::smoothed(&body.mesh, labels, skeleton.bone_count(), progress)?;
     mirror::keep_sides(&body, &mut rows, skeleton, takes_part);
     progress.begin("Attaching loose parts", 0.95, 1.0)?;
-    loose_parts::attach(&body, &mut rows, takes_part);
+    loose_parts::attach(&body, &mut rows, takes_part, choice);
     let rows = body.welded.iter().map(|&v| rows[v as usize].iter().copied());
     Ok(SkinWeights::from_rows(rows, skeleton.bone_count()))
 }

@@ -26,6 +26,11 @@ use labels::Labels;
 
 pub use error::BoneMapError;
 
+/// Whether a name means the bone that only says where the character stands.
+pub(super) fn names_a_root(name: &str) -> bool {
+    names::BoneName::new(name).part == Some(names::Part::Root)
+}
+
 /// How a source bone's counterparts were found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
