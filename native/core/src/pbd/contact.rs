@@ -3,7 +3,7 @@
 
 use glam::{Affine3A, Vec3};
 
-use super::fold_field::{FieldScale, FoldField, Meeting, Place, smoothstep};
+use super::fold_field::{FieldScale, FoldField, Place, smoothstep};
 use super::self_collision::ProjectionPlane;
 
 /// Bones closer than this to one line have no inner side: nothing can fold there. As |a + b| of
@@ -59,7 +59,7 @@ const TURNED: f32 = 0.2;
 /// Gap between the sides, in radii, at which they begin to feel each other.
 const FELT: f32 = 0.15;
 /// Half the gap that is left between the sides, in radii.
-const THICKNESS: f32 = 0.01;
+pub(super) const THICKNESS: f32 = 0.01;
 /// Smaller pushes than this, in spacings, are left out.
 const LEAST_PUSH: f32 = 1e-4;
 
@@ -84,8 +84,8 @@ impl Firmness {
 pub(super) struct ContactScratch {
     places: Vec<Place>,
     field: FoldField,
-    /// How far the sides are in contact.
-    level: f32,
+    /// How far the sides were in contact at the last fill; 0 when they are apart.
+    pub level: f32,
     /// The result.
     pub pushes: Vec<Push>,
 }
@@ -112,7 +112,7 @@ impl JointContact {
         if below.abs_diff_eq(*above, UNMOVED) { None } else { self.plane_between(below, above) }
     }
 
-    fn plane_between(&self, below: &Affine3A, above: &Affine3A) -> Option<FoldPlane> {
+    pub(super) fn plane_between(&self, below: &Affine3A, above: &Affine3A) -> Option<FoldPlane> {
         let joint = below.transform_point3(self.joint).midpoint(above.transform_point3(self.joint));
         let up = (above.transform_point3(self.up) - joint).try_normalize()?;
         let down = (below.transform_point3(self.down) - joint).try_normalize()?;
@@ -143,7 +143,7 @@ impl JointContact {
 
     /// Where a candidate is relative to the plane and its own side.
     #[inline]
-    fn place(&self, fold: &FoldPlane, candidate: &ContactVertex, position: Vec3) -> Place {
+    pub(super) fn place(&self, fold: &FoldPlane, candidate: &ContactVertex, position: Vec3) -> Place {
         let offset = position - fold.plane.point;
         let height = offset.dot(fold.plane.normal);
         let across = fold.inwards.cross(fold.plane.normal);
@@ -155,8 +155,13 @@ impl JointContact {
         }
     }
 
-    fn scale(&self) -> FieldScale {
+    pub(super) fn scale(&self) -> FieldScale {
         FieldScale { step: self.spacing, margin: self.radius * FELT, radius: self.radius }
+    }
+
+    /// How far the sides have a shape: one of a few triangles has none that could touch another.
+    fn resolved(&self) -> f32 {
+        smoothstep(2.0 * (self.radius / self.spacing - 1.0))
     }
 
     /// Lists the candidates that can come into contact as long as none moves by more than
@@ -171,7 +176,8 @@ impl JointContact {
             let side = usize::from(place.below);
             highest[side] = highest[side].max(place.beyond);
         }
-        if !(highest[0] + highest[1] + scale.margin + 2.0 * margin > 0.0) {
+        let closest = highest[0] + highest[1] + scale.margin + 2.0 * margin;
+        if closest.is_nan() || closest <= 0.0 || self.resolved() <= 0.0 {
             return;
         }
         let reaches = |place: Place| {
@@ -210,55 +216,36 @@ impl JointContact {
             return;
         }
         let thickness = THICKNESS * self.radius;
-        // A side of a few triangles has no shape that could touch another.
-        let resolved = smoothstep(2.0 * self.radius / self.spacing - 1.0);
+        let all = *level * self.resolved() * fold.strength;
         for (listed, place) in (0..).zip(places.iter()) {
             if place.inwards <= 0.0 {
                 continue;
             }
             let vertex = &self.vertices[list[listed as usize] as usize];
-            let meeting = field.meeting(place);
-            let beyond = place.beyond - meeting.middle + thickness;
+            let beyond = place.beyond - field.middle(place) + thickness;
             let amount = if beyond > 0.0 {
-                let near = smoothstep(2.0 + meeting.overlap / scale.margin);
-                let over = (beyond - vertex.rest_overlap).max(0.0);
-                over * near * over / (over + firmness.softness * scale.margin + f32::MIN_POSITIVE)
+                let over = beyond - vertex.rest_overlap;
+                if over <= 0.0 {
+                    continue;
+                }
+                let near = smoothstep(2.0 + field.overlap(field.locate(place)) / scale.margin);
+                over * near * over / (over + firmness.softness * scale.margin)
             } else {
-                let hidden = (meeting.envelope - place.beyond) / (2.0 * scale.step);
+                let located = field.locate(place);
+                let shut_in = field.shut_in(located) * fold.set_in * (1.0 - vertex.rest_shut_in);
+                if shut_in <= 0.0 {
+                    continue;
+                }
+                let hidden = (field.envelope(place.below, located) - place.beyond) / (2.0 * scale.step);
                 let seen = (1.0 - hidden).clamp(0.0, 1.0);
-                let small = smoothstep(2.0 + 2.0 * meeting.overlap / scale.radius);
-                firmness.pull
-                    * beyond
-                    * meeting.shut_in
-                    * seen
-                    * small
-                    * fold.set_in
-                    * (1.0 - vertex.rest_shut_in)
+                let small = smoothstep(2.0 + 2.0 * field.overlap(located) / scale.radius);
+                firmness.pull * beyond * shut_in * seen * small
             };
-            let amount = amount * *level * resolved * fold.strength * (place.inwards / self.spacing).min(1.0);
+            let amount = amount * all * (place.inwards / self.spacing).min(1.0);
             if amount.abs() > LEAST_PUSH * self.spacing {
                 let direction = if vertex.below { amount } else { -amount };
                 pushes.push(Push { listed, offset: fold.plane.normal * direction });
             }
-        }
-    }
-
-    /// Takes from the rest state, or another shape's, what the candidates keep: how far they overlap
-    /// and are shut in there.
-    pub(super) fn keep_rest(&mut self, positions: &[Vec3]) {
-        let fold = self.plane_between(&Affine3A::IDENTITY, &Affine3A::IDENTITY);
-        let mut field = FoldField::default();
-        let places: Vec<Place> = match &fold {
-            Some(fold) => self.vertices.iter().zip(positions).map(|(v, &p)| self.place(fold, v, p)).collect(),
-            None => Vec::new(),
-        };
-        let meets = fold.is_some() && field.fill(&places, &self.scale()) > 0.0;
-        let thickness = THICKNESS * self.radius;
-        for (index, vertex) in self.vertices.iter_mut().enumerate() {
-            let meeting = if meets { field.meeting(&places[index]) } else { Meeting::default() };
-            vertex.rest_shut_in = meeting.shut_in;
-            vertex.rest_overlap =
-                if meets { (places[index].beyond - meeting.middle + thickness).max(0.0) } else { 0.0 };
         }
     }
 }

@@ -3,8 +3,32 @@
 
 use glam::{Affine3A, Vec3};
 
-use super::contact::JointContact;
+use super::contact::{JointContact, THICKNESS};
+use super::fold_field::{FoldField, Place};
 use super::island::Island;
+
+impl JointContact {
+    /// Takes from the rest state, or another shape's, what the candidates keep: how far they overlap
+    /// and are shut in there.
+    pub(super) fn keep_rest(&mut self, positions: &[Vec3]) {
+        let fold = self.plane_between(&Affine3A::IDENTITY, &Affine3A::IDENTITY);
+        let mut field = FoldField::default();
+        let places: Vec<Place> = match &fold {
+            Some(fold) => self.vertices.iter().zip(positions).map(|(v, &p)| self.place(fold, v, p)).collect(),
+            None => Vec::new(),
+        };
+        let meets = fold.is_some() && field.fill(&places, &self.scale()) > 0.0;
+        let thickness = THICKNESS * self.radius;
+        for (index, vertex) in self.vertices.iter_mut().enumerate() {
+            (vertex.rest_shut_in, vertex.rest_overlap) = (0.0, 0.0);
+            if meets {
+                let place = &places[index];
+                vertex.rest_shut_in = field.shut_in(field.locate(place));
+                vertex.rest_overlap = (place.beyond - field.middle(place) + thickness).max(0.0);
+            }
+        }
+    }
+}
 
 /// The contacts of an island over other rest positions `vertices` of the whole surface. Joints that
 /// cannot be in contact under `local` transforms are left out of the work, not of the result.

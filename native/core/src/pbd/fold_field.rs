@@ -4,6 +4,8 @@
 
 use glam::{Mat3, Vec3};
 
+use super::fold_grid::{Grid, Located, blur, spread};
+
 /// Where a candidate is over the projection plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Place {
@@ -42,25 +44,10 @@ const PRIOR: f32 = 2.0;
 /// From here on, in radii along the bend, sides that come near are past the fold's root.
 const PAST_ROOT: f32 = 0.75;
 
-/// What the field says at a place.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Meeting {
-    /// Height of the plane half way between the sides, seen from the place's own side.
-    pub middle: f32,
-    /// How far the sides overlap; negative for a gap.
-    pub overlap: f32,
-    /// Height of the own side's outermost layer.
-    pub envelope: f32,
-    /// How far the place is shut in between the joint and where the sides touch, from 0 to 1.
-    pub shut_in: f32,
-}
-
 /// The field on a grid, with its buffers.
 #[derive(Debug, Clone, Default)]
 pub(super) struct FoldField {
-    origin: [f32; 2],
-    step: f32,
-    size: [usize; 2],
+    grid: Grid,
     /// Highest place of each side.
     highest: [f32; 2],
     /// Heights of both sides along the bend.
@@ -157,14 +144,16 @@ impl FoldField {
         if !extent.is_finite() {
             return false;
         }
-        self.step = step.max(extent / (MOST_NODES as f32 - 5.0));
+        self.grid.step = step.max(extent / (MOST_NODES as f32 - 5.0));
+        self.grid.per_step = self.grid.step.recip();
         for axis in 0..2 {
-            let first = (low[axis] / self.step).floor() - 1.0;
-            let last = (high[axis] / self.step).ceil() + 1.0;
-            self.origin[axis] = first * self.step;
-            self.size[axis] = ((last - first) as usize + 1).clamp(3, MOST_NODES);
+            let first = (low[axis] / self.grid.step).floor() - 1.0;
+            let last = (high[axis] / self.grid.step).floor() + 2.0;
+            self.grid.origin[axis] = first * self.grid.step;
+            self.grid.size[axis] = ((last - first) as usize + 1).clamp(4, MOST_NODES);
+            self.grid.last[axis] = (self.grid.size[axis] - 2) as f32;
         }
-        let count = self.size[0] * self.size[1];
+        let count = self.grid.size[0] * self.grid.size[1];
         for side in 0..2 {
             self.envelopes[side].clear();
             self.envelopes[side].resize(count, f32::NEG_INFINITY);
@@ -174,63 +163,51 @@ impl FoldField {
         true
     }
 
-    /// Node below a place and where the place is from there, in steps.
+    /// Where a place is on the grid.
     #[inline]
-    fn locate(&self, place: &Place) -> ([usize; 2], [f32; 2]) {
-        locate_in(self.origin, self.step, self.size, place)
-    }
-
-    #[inline]
-    fn at(&self, values: &[f32], ([i, j], [s, t]): ([usize; 2], [f32; 2])) -> f32 {
-        let row = self.size[0];
-        let n = j * row + i;
-        let (a, b) = (values[n] + s * (values[n + 1] - values[n]), &values[n + row..]);
-        let b = b[0] + s * (b[1] - b[0]);
-        a + t * (b - a)
+    pub(super) fn locate(&self, place: &Place) -> Located {
+        self.grid.locate([place.inwards, place.across])
     }
 
     /// Heights of both sides at the nodes.
     fn raise<'a>(&mut self, places: impl Iterator<Item = &'a Place> + Clone) {
-        let row = self.size[0];
-        // The nodes around a place, with their distances in steps.
-        let around = |size: [usize; 2], ([i, j], [s, t]): ([usize; 2], [f32; 2])| {
-            let nodes = move |n: usize, most: usize| n.saturating_sub(1)..(n + 3).min(most);
-            nodes(j, size[1]).flat_map(move |b| {
-                nodes(i, size[0]).map(move |a| {
-                    let (x, y) = (a as f32 - i as f32 - s, b as f32 - j as f32 - t);
-                    (b * row + a, x * x + y * y)
-                })
-            })
-        };
+        let row = self.grid.size[0];
         for place in places.clone() {
+            let Located { node, s, t } = self.locate(place);
             let envelope = &mut self.envelopes[usize::from(place.below)];
-            let located = locate_in(self.origin, self.step, self.size, place);
-            for (node, squared) in around(self.size, located) {
-                envelope[node] = envelope[node].max(place.beyond - squared.sqrt() * self.step);
+            for (first, y) in [(node, t), (node + row, 1.0 - t)] {
+                for (height, x) in envelope[first..first + 2].iter_mut().zip([s, 1.0 - s]) {
+                    *height = height.max(place.beyond - (x * x + y * y).sqrt() * self.grid.step);
+                }
             }
         }
         for side in 0..2 {
-            spread(&mut self.envelopes[side], self.size, self.step);
+            spread(&mut self.envelopes[side], self.grid.size, self.grid.step);
         }
         for place in places {
             let side = usize::from(place.below);
             let located = self.locate(place);
-            let hidden = (self.at(&self.envelopes[side], located) - place.beyond) / self.step;
+            let hidden = (self.grid.at(&self.envelopes[side], located) - place.beyond) * self.grid.per_step;
             let say = (1.0 - hidden).clamp(0.0, 1.0);
             if say <= 0.0 {
                 continue;
             }
-            for (node, squared) in around(self.size, located) {
-                let near = (1.0 - squared / (KERNEL * KERNEL)).max(0.0);
-                let weight = say * near * near;
-                let [sum, total] = &mut self.sums[side][node];
-                *sum += weight * place.beyond;
-                *total += weight;
+            let Located { node, s, t } = located;
+            let first = node - row - 1;
+            let along = [1.0 + s, s, 1.0 - s, 2.0 - s].map(|x| 1.0 - x * x / (KERNEL * KERNEL));
+            let across = [1.0 + t, t, 1.0 - t, 2.0 - t].map(|y| y * y / (KERNEL * KERNEL));
+            for (b, y) in across.into_iter().enumerate() {
+                for (x, [sum, total]) in along.into_iter().zip(&mut self.sums[side][first + b * row..][..4]) {
+                    let near = (x - y).max(0.0);
+                    let weight = say * near * near;
+                    *sum += weight * place.beyond;
+                    *total += weight;
+                }
             }
         }
         for side in 0..2 {
             for (envelope, &[sum, total]) in self.envelopes[side].iter_mut().zip(&self.sums[side]) {
-                let cones = *envelope + ENVELOPE_LACK * self.step;
+                let cones = *envelope + ENVELOPE_LACK * self.grid.step;
                 *envelope = (sum + ENVELOPE_SAY * cones) / (total + ENVELOPE_SAY);
             }
         }
@@ -257,9 +234,9 @@ impl FoldField {
         let mut normal = Mat3::from_diagonal(Vec3::new(1.0, lever, lever) * PRIOR);
         let mut right = Vec3::ZERO;
         for (node, known) in known.enumerate() {
-            let (i, j) = (node % self.size[0], node / self.size[0]);
-            let x = self.origin[0] + i as f32 * self.step;
-            let y = self.origin[1] + j as f32 * self.step;
+            let (i, j) = (node % self.grid.size[0], node / self.grid.size[0]);
+            let x = self.grid.origin[0] + i as f32 * self.grid.step;
+            let y = self.grid.origin[1] + j as f32 * self.grid.step;
             if known <= 0.0 || x <= 0.0 {
                 continue;
             }
@@ -280,8 +257,8 @@ impl FoldField {
             let known = a[1].min(1.0) * b[1].min(1.0);
             known * smoothstep(1.0 + overlap / scale.margin)
         }));
-        blur(&mut self.shut_in, &mut self.buffer, self.size);
-        for line in self.shut_in.chunks_mut(self.size[0]) {
+        blur(&mut self.shut_in, &mut self.buffer, self.grid.size);
+        for line in self.shut_in.chunks_mut(self.grid.size[0]) {
             let mut farther = 0.0f32;
             for shut in line.iter_mut().rev() {
                 let own = *shut;
@@ -289,91 +266,32 @@ impl FoldField {
                 farther = farther.max(own);
             }
         }
-        blur(&mut self.shut_in, &mut self.buffer, self.size);
+        blur(&mut self.shut_in, &mut self.buffer, self.grid.size);
     }
 
-    /// What the field says at a place.
+    /// Height of the plane half way between the sides, seen from the place's own side.
     #[inline]
-    pub(super) fn meeting(&self, place: &Place) -> Meeting {
-        let located = self.locate(place);
+    pub(super) fn middle(&self, place: &Place) -> f32 {
         let middle = self.middle.dot(Vec3::new(1.0, place.inwards, place.across));
-        Meeting {
-            middle: if place.below { -middle } else { middle },
-            overlap: self.at(&self.overlap, located),
-            envelope: self.at(&self.envelopes[usize::from(place.below)], located),
-            shut_in: self.at(&self.shut_in, located),
-        }
+        if place.below { -middle } else { middle }
     }
-}
 
-#[inline]
-fn locate_in(origin: [f32; 2], step: f32, size: [usize; 2], place: &Place) -> ([usize; 2], [f32; 2]) {
-    let along = |axis: usize, x: f32| {
-        let t = ((x - origin[axis]) / step).clamp(0.0, (size[axis] - 1) as f32);
-        let node = (t as usize).min(size[axis] - 2);
-        (node, t - node as f32)
-    };
-    let ((i, s), (j, t)) = (along(0, place.inwards), along(1, place.across));
-    ([i, j], [s, t])
-}
+    /// How far the sides overlap; negative for a gap.
+    #[inline]
+    pub(super) fn overlap(&self, located: Located) -> f32 {
+        self.grid.at(&self.overlap, located)
+    }
 
-/// Continues heights over all nodes with a slope of 1, in two passes over the grid.
-fn spread(heights: &mut [f32], [row, lines]: [usize; 2], step: f32) {
-    let diagonal = step * std::f32::consts::SQRT_2;
-    for j in 0..lines {
-        for i in 0..row {
-            let n = j * row + i;
-            let mut height = heights[n];
-            if i > 0 {
-                height = height.max(heights[n - 1] - step);
-            }
-            if j > 0 {
-                height = height.max(heights[n - row] - step);
-                if i > 0 {
-                    height = height.max(heights[n - row - 1] - diagonal);
-                }
-                if i + 1 < row {
-                    height = height.max(heights[n - row + 1] - diagonal);
-                }
-            }
-            heights[n] = height;
-        }
+    /// Height of a side's outermost layer.
+    #[inline]
+    pub(super) fn envelope(&self, below: bool, located: Located) -> f32 {
+        self.grid.at(&self.envelopes[usize::from(below)], located)
     }
-    for j in (0..lines).rev() {
-        for i in (0..row).rev() {
-            let n = j * row + i;
-            let mut height = heights[n];
-            if i + 1 < row {
-                height = height.max(heights[n + 1] - step);
-            }
-            if j + 1 < lines {
-                height = height.max(heights[n + row] - step);
-                if i + 1 < row {
-                    height = height.max(heights[n + row + 1] - diagonal);
-                }
-                if i > 0 {
-                    height = height.max(heights[n + row - 1] - diagonal);
-                }
-            }
-            heights[n] = height;
-        }
-    }
-}
 
-/// One round of binomial smoothing along both axes.
-fn blur(values: &mut [f32], buffer: &mut Vec<f32>, [row, lines]: [usize; 2]) {
-    buffer.clear();
-    for line in values.chunks(row) {
-        buffer.extend((0..row).map(|i| {
-            let (a, b) = (line[i.saturating_sub(1)], line[(i + 1).min(row - 1)]);
-            0.25 * (a + b) + 0.5 * line[i]
-        }));
-    }
-    for j in 0..lines {
-        let (above, below) = (j.saturating_sub(1) * row, (j + 1).min(lines - 1) * row);
-        for i in 0..row {
-            values[j * row + i] = 0.25 * (buffer[above + i] + buffer[below + i]) + 0.5 * buffer[j * row + i];
-        }
+    /// How far a place is shut in between the joint and where the sides touch, from 0 to 1.
+    #[inline]
+    pub(super) fn shut_in(&self, located: Located) -> f32 {
+        self.grid.at(&self.shut_in, located)
     }
 }
 
@@ -408,12 +326,15 @@ mod tests {
         let places = sides(0.4, 0.1);
         let mut field = FoldField::default();
         assert!(field.fill(&places, &SCALE) > 0.99);
-        let at = |inwards: f32| field.meeting(&Place { inwards, across: 0.0, beyond: 0.0, below: false });
-        assert!(at(0.6).shut_in > 0.95 && at(1.85).shut_in < 0.5);
-        assert!((at(0.7).overlap + 0.4).abs() < 0.1 && at(1.6).overlap.abs() < 0.1);
-        assert!((at(1.5).middle - 0.15).abs() < 0.03, "{}", at(1.5).middle);
-        let below = field.meeting(&Place { inwards: 1.5, across: 0.0, beyond: 0.0, below: true });
-        assert!((below.middle + at(1.5).middle).abs() < 1e-6, "seen from the other side");
+        let at = |inwards: f32| Place { inwards, across: 0.0, beyond: 0.0, below: false };
+        let shut_in = |inwards: f32| field.shut_in(field.locate(&at(inwards)));
+        let overlap = |inwards: f32| field.overlap(field.locate(&at(inwards)));
+        assert!(shut_in(0.6) > 0.95 && shut_in(1.85) < 0.5);
+        assert!((overlap(0.7) + 0.4).abs() < 0.1 && overlap(1.6).abs() < 0.1);
+        let middle = field.middle(&at(1.5));
+        assert!((middle - 0.15).abs() < 0.03, "{middle}");
+        let below = field.middle(&Place { below: true, ..at(1.5) });
+        assert!((below + middle).abs() < 1e-6, "seen from the other side");
     }
 
     #[test]

@@ -14,6 +14,7 @@ mod error;
 mod finite_difference;
 mod fit;
 mod fold_field;
+mod fold_grid;
 mod island;
 mod lanes;
 #[cfg(target_arch = "x86_64")]

@@ -199,7 +199,7 @@ fn list_near(island: &Island, scratch: &mut Scratch) {
 }
 
 /// Contact sweeps that share the height fields of the folds.
-const FIELD_SWEEPS: usize = 4;
+const FIELD_SWEEPS: usize = 5;
 
 /// Pushes contact vertices back through the corners of the tetrahedra that hold them.
 fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
@@ -214,7 +214,7 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
     let joints = island.cage_contacts.iter().zip(folds).zip(near).zip(contacts);
     for (((contact, fold), near), found) in joints {
         let Some(fold) = fold else { continue };
-        if near.is_empty() {
+        if near.is_empty() || (!refill && found.level <= 0.0) {
             continue;
         }
         let point_of =

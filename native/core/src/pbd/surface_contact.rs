@@ -63,11 +63,10 @@ impl SurfaceContacts {
     ) {
         let inverse = frame.inverse();
         let mut candidates: Vec<Vec3> = Vec::new();
-        let mut found = ContactScratch::default();
-        let mut lists = vec![Vec::new(); contacts.len()];
+        let mut works = vec![(Vec::new(), ContactScratch::default()); contacts.len()];
         for round in 0..ROUNDS {
             // One joint after the other, so that what several of them press upon ends between all.
-            for ((contact, rings), near) in contacts.iter().zip(&self.rings).zip(&mut lists) {
+            for ((contact, rings), (near, found)) in contacts.iter().zip(&self.rings).zip(&mut works) {
                 let Some(fold) = contact.fold_plane(local) else { continue };
                 let position = |candidate: u32, positions: &[Vec3]| {
                     inverse.transform_point3(positions[contact.vertices[candidate as usize].element as usize])
@@ -84,7 +83,7 @@ impl SurfaceContacts {
                     |listed: u32| contact.vertices[near[listed as usize] as usize].element as usize;
                 candidates.clear();
                 candidates.extend(near.iter().map(|&c| position(c, positions)));
-                contact.pushes(&fold, near, &candidates, true, Firmness::SURFACE, &mut found);
+                contact.pushes(&fold, near, &candidates, round == 0, Firmness::SURFACE, found);
                 if found.pushes.is_empty() {
                     near.clear();
                     continue;
