@@ -199,7 +199,7 @@ fn list_near(island: &Island, scratch: &mut Scratch) {
 }
 
 /// Contact sweeps that share the height fields of the folds.
-const FIELD_SWEEPS: usize = 5;
+const FIELD_SWEEPS: usize = 4;
 
 /// Pushes contact vertices back through the corners of the tetrahedra that hold them.
 fn sweep_contacts(island: &Island, scratch: &mut Scratch) {

@@ -83,7 +83,7 @@ impl SurfaceContacts {
                     |listed: u32| contact.vertices[near[listed as usize] as usize].element as usize;
                 candidates.clear();
                 candidates.extend(near.iter().map(|&c| position(c, positions)));
-                contact.pushes(&fold, near, &candidates, round == 0, Firmness::SURFACE, found);
+                contact.pushes(&fold, near, &candidates, true, Firmness::SURFACE, found);
                 if found.pushes.is_empty() {
                     near.clear();
                     continue;
