@@ -149,9 +149,9 @@ def test_escape_leaves_nothing(windowed, tmp_path, steps):
         for _ in range(steps):
             assert operator.modal(context, event("TIMER")) == {"RUNNING_MODAL"}
         assert (operator._running.task._task is not None) == (steps == 40)
-        operator.modal(context, event("ESC", "PRESS"))
-        assert ended(operator, context) == {"CANCELLED"}
+        assert operator.modal(context, event("ESC", "PRESS")) == {"CANCELLED"}
     finally:
+        sys.modules[f"{MODULE}.core.background"].end_all()
         if steps == 40:
             task._write = original
     assert operator.reports == [("WARNING", "Cancelled. Nothing was changed.")]
@@ -175,8 +175,8 @@ def test_escape_of_the_other_bakes(windowed, name, steps):
     assert operator.invoke(context, None) == {"RUNNING_MODAL"}
     for _ in range(0 if name == "bake_shape_key" else steps):
         operator.modal(context, event("TIMER"))
-    operator.modal(context, event("ESC", "PRESS"))
-    assert ended(operator, context) == {"CANCELLED"}
+    assert operator.modal(context, event("ESC", "PRESS")) == {"CANCELLED"}
+    sys.modules[f"{MODULE}.core.background"].end_all()
     assert operator.reports == [("WARNING", "Cancelled. Nothing was changed.")]
     assert b.everything(ob) == before
     assert s.shown(ob).tobytes() == live

@@ -59,6 +59,12 @@ class SampledTask:
         elif self._failure is None:
             self._stop(Cancelled("cancelled"))
 
+    def abandon(self) -> None:
+        """Go back at once while poses are read; afterwards leave the work to end by itself."""
+        self.cancel()
+        if self._task is not None:
+            self._task.abandon()
+
     def run(self, show_progress: Callable[[float], None]) -> None:
         """Work to the end; the thread that calls stays able to be interrupted."""
         try:

@@ -52,6 +52,6 @@ class DERMIS_OT_bake_join(SkinOperator, bpy.types.Operator):
             raise InputError("Select the files of the parts.")
         parts = [Path(bpy.path.abspath(self.directory)) / name for name in names]
         folder = self.target or context.scene.dermis_bake.directory
-        self.report({"INFO"}, join_parts(meshes[0], context.scene, parts, folder))
+        self.tell({"INFO"}, join_parts(meshes[0], context.scene, parts, folder))
         context.view_layer.update()
         return {"FINISHED"}

@@ -57,7 +57,7 @@ class BakeOperator(ModalJobOperator):
 
     def finished(self, job) -> set[str]:
         """Write into the scene and tell what was done."""
-        self.report({"INFO"}, job.finish())
+        self.tell({"INFO"}, job.finish())
         bpy.context.view_layer.update()
         return {"FINISHED"}
 

@@ -42,7 +42,7 @@ class DERMIS_OT_bake_remove(SkinOperator, bpy.types.Operator):
                 kept.append(f"'{path}': {error.strerror or error}")
         context.view_layer.update()
         if kept:
-            self.report({"WARNING"}, f"Back to live; not deleted: {', '.join(kept)}.")
+            self.tell({"WARNING"}, f"Back to live; not deleted: {', '.join(kept)}.")
         else:
-            self.report({"INFO"}, f"Live again: {listed([ob.name for ob in meshes])}.")
+            self.tell({"INFO"}, f"Live again: {listed([ob.name for ob in meshes])}.")
         return {"FINISHED"}

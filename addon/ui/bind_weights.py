@@ -105,5 +105,5 @@ class DERMIS_OT_bind_weights(WeightOptions, ModalJobOperator, bpy.types.Operator
     def finished(self, job: BindJob) -> set[str]:
         """Write the weights and tell what was done."""
         line, notes = job.finish()
-        self.report({"INFO"}, " ".join([line, *notes]))
+        self.tell({"INFO"}, " ".join([line, *notes]))
         return {"FINISHED"}

@@ -43,5 +43,5 @@ class DERMIS_OT_map_bones(BoneMapOperator, bpy.types.Operator):
             row.how = how.upper()
         kept.active_bone_pair = 0
         kept.bone_map_source = from_armature
-        self.report({"INFO"}, mapping_line(from_armature.name, to_armature.name, mapping))
+        self.tell({"INFO"}, mapping_line(from_armature.name, to_armature.name, mapping))
         return {"FINISHED"}

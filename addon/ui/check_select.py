@@ -68,7 +68,7 @@ class DERMIS_OT_select_problems(DermisOperator, bpy.types.Operator):
         for ob, vertices in chosen:
             select_vertices(ob, vertices, self.extend)
         count = sum(len(vertices) for _, vertices in chosen)
-        self.report({"INFO"}, f"Selected {counted(count, 'vertex', 'vertices')}.")
+        self.tell({"INFO"}, f"Selected {counted(count, 'vertex', 'vertices')}.")
         return {"FINISHED"}
 
     def _vertices(self, ob):

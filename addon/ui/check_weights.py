@@ -104,5 +104,5 @@ class DERMIS_OT_check(RetargetOptions, ModalJobOperator, bpy.types.Operator):
         reports = job.finish()
         if self.output != "NONE":
             write_text(reports, self.output == "JSON")
-        self.report({"WARNING"} if any(report.faults for report in reports) else {"INFO"}, summary(reports))
+        self.tell({"WARNING"} if any(report.faults for report in reports) else {"INFO"}, summary(reports))
         return {"FINISHED"}

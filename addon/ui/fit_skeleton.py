@@ -108,7 +108,7 @@ class DERMIS_OT_fit_skeleton(ModalJobOperator, bpy.types.Operator):
             return self.guarded(lambda: self.finished(self._running))
         if event.value == "PRESS" and event.type in CANCEL_KEYS:
             self._end_preview(context)
-            self.report({"WARNING"}, f"Cancelled. {NOTHING_CHANGED}")
+            self.tell({"WARNING"}, f"Cancelled. {NOTHING_CHANGED}")
             return {"CANCELLED"}
         return {"PASS_THROUGH"} if event.type in VIEW_EVENTS else {"RUNNING_MODAL"}
 
@@ -156,7 +156,7 @@ class DERMIS_OT_fit_skeleton(ModalJobOperator, bpy.types.Operator):
     def finished(self, job: FitJob) -> set[str]:
         """Move the bones and tell what was done."""
         line, notes = job.finish()
-        self.report({"WARNING" if notes else "INFO"}, " ".join([line, *notes]))
+        self.tell({"WARNING" if notes else "INFO"}, " ".join([line, *notes]))
         return {"FINISHED"}
 
     def _end_preview(self, context) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from dermis_native import Cancelled
 
+from ..batch.reports import hear
 from ..core.errors import InputError, sentence
 
 log = logging.getLogger(__name__)
@@ -15,6 +16,11 @@ NOTHING_CHANGED = "Nothing was changed."
 
 class DermisOperator:
     """Mixin for operators: `run` does the work, and an exception leaves it as one report."""
+
+    def tell(self, levels: set[str], text: str) -> None:
+        """Report to the user, and to a command that called the operator; Blender allows no other `report`."""
+        hear(levels, text)
+        self.report(levels, text)
 
     def execute(self, context):
         """Run straight through."""
@@ -27,10 +33,10 @@ class DermisOperator:
         except Cancelled:
             return self.cancelled()
         except InputError as error:
-            self.report({"ERROR"}, f"{sentence(str(error))} {NOTHING_CHANGED}")
+            self.tell({"ERROR"}, f"{sentence(str(error))} {NOTHING_CHANGED}")
         except Exception as error:
             log.exception("%s failed", self.bl_idname)
-            self.report(
+            self.tell(
                 {"ERROR"},
                 f"Unexpected {type(error).__name__}: {sentence(str(error))} {NOTHING_CHANGED} The console has details.",
             )
@@ -38,5 +44,5 @@ class DermisOperator:
 
     def cancelled(self) -> set[str]:
         """Tell that the user stopped it."""
-        self.report({"WARNING"}, f"Cancelled. {NOTHING_CHANGED}")
+        self.tell({"WARNING"}, f"Cancelled. {NOTHING_CHANGED}")
         return {"CANCELLED"}

@@ -5,6 +5,7 @@ from contextlib import ExitStack
 
 import bpy
 
+from ..batch import command
 from ..blender import bone_overlay, check_reports, skin_handlers
 from ..core.background import end_all
 from . import (
@@ -95,6 +96,8 @@ def register() -> None:
         undo.callback(menus.unregister)
         skin_handlers.register()
         undo.callback(skin_handlers.unregister)
+        command.register()
+        undo.callback(command.unregister)
         _undo.push(undo.pop_all())
 
 

@@ -69,5 +69,5 @@ class DERMIS_OT_retarget_weights(RetargetOptions, ModalJobOperator, bpy.types.Op
             keep_status(ob, result.status)
             if self.select_filled:
                 select_vertices(ob, np.flatnonzero(result.status == FILLED))
-        self.report({"INFO"}, " ".join([line, *notes]))
+        self.tell({"INFO"}, " ".join([line, *notes]))
         return {"FINISHED"}

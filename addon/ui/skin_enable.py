@@ -38,10 +38,10 @@ class DERMIS_OT_skin_enable(SkinOperator, bpy.types.Operator):
         states = [registry.state(ob) for ob in meshes]
         troubles = [f"'{ob.name}': {state.error}" for ob, state in zip(meshes, states, strict=True) if state.error]
         if troubles:
-            self.report({"WARNING"}, " ".join(troubles))
+            self.tell({"WARNING"}, " ".join(troubles))
         tetrahedra = sum(state.stats.get("tetrahedra", 0) for state in states)
         line = f"PBD skin of {listed([ob.name for ob in meshes])}: {counted(tetrahedra, 'tetrahedron', 'tetrahedra')}."
         if rigid:
             line += f" Left out, as no joint bends them: {listed(rigid)}."
-        self.report({"INFO"}, line)
+        self.tell({"INFO"}, line)
         return {"FINISHED"}

@@ -1,4 +1,4 @@
-"""Imports go one way: ui -> blender -> core -> dermis_native, and inside the core down the paper's sections."""
+"""Imports go one way: ui -> batch -> blender -> core -> dermis_native, and in the core down the paper's sections."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RUST_LAYERS = {
     **dict.fromkeys(["skinning", "cage", "spectral"], 1),
     **dict.fromkeys(["pbd", "retarget", "rig"], 2),
 }
-ADDON_LAYERS = {"core": 0, "blender": 1, "ui": 2}
+ADDON_LAYERS = {"core": 0, "blender": 1, "batch": 2, "ui": 3}
 BLENDER_MODULES = {"bpy", "bmesh", "mathutils", "gpu", "bl_math", "blf", "addon_utils", "bpy_extras"}
 
 
@@ -139,6 +139,12 @@ def test_addon_imports_nothing_from_a_higher_layer(layer: str) -> None:
                 assert parts[0] not in BLENDER_MODULES, where
             if parts[0] == "addon" and len(parts) > 1:
                 assert ADDON_LAYERS.get(parts[1], 0) <= ADDON_LAYERS[layer], where
+
+
+def test_operators_report_where_commands_hear_it() -> None:
+    for path in (ADDON / "ui").rglob("*.py"):
+        if path.name != "operator_base.py":
+            assert "self.report(" not in path.read_text(encoding="utf-8"), f"{relative(path)}: use self.tell"
 
 
 def test_the_bpy_free_half_can_be_imported_alone() -> None:

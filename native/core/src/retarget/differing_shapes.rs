@@ -38,6 +38,8 @@ const ALIKE: f64 = 0.07;
 const DIFFERENT: f64 = 0.09;
 /// Where along a bone to look whether it is inside of a part.
 const LOOKS: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
+/// A bone is connected to its parent where it begins this near to the parent's end, in the parent's lengths.
+const CONNECTED: f64 = 0.01;
 /// Edges from the border of the matched surface over which trust in matches grows.
 const TRUST_GROWS: usize = 4;
 
@@ -169,16 +171,22 @@ impl Differing {
         trust
     }
 
-    /// Rigid parts stay rigid, and those that the source has too go as there. A part that a bone
-    /// runs through is a piece of the body, such as a finger of a jointed doll.
+    /// Rigid parts stay rigid, and those that the source has too go as there. A part that holds a
+    /// bone is a piece of the body, such as a finger of a jointed doll.
     fn keep_parts(&self, target: Side<'_>, takes_part: &[bool], own: &[Row], handed: &mut [Row]) {
         let (shapes, of) = part_shapes(target.mesh);
+        let body = self
+            .parts
+            .iter()
+            .find(|part| part.is_body)
+            .and_then(|body| inside_of(target.mesh, &body.vertices));
         for part in self.parts.iter().filter(|part| part.policy != PartPolicy::Match) {
             let Some(&first) = part.vertices.first() else { continue };
             let shape = &shapes[of[first as usize] as usize];
             if part.like.is_some() {
                 part.vertices.iter().for_each(|&v| handed[v as usize].clone_from(&own[v as usize]));
-            } else if part.policy == PartPolicy::Rigid && !has_bone(shape, target, takes_part) {
+            } else if part.policy == PartPolicy::Rigid && !has_bone(shape, body.as_ref(), target, takes_part)
+            {
                 let mean = mean_row(&part.vertices, handed);
                 part.vertices.iter().for_each(|&v| handed[v as usize].clone_from(&mean));
             }
@@ -186,15 +194,32 @@ impl Differing {
     }
 }
 
-/// Whether most of a bone runs inside of a part: not through the hole of a ring on it.
-fn has_bone(part: &PartShape, target: Side<'_>, takes_part: &[bool]) -> bool {
-    let is_in = |v: usize| part.vertices.binary_search(&(v as u32)).is_ok();
-    let Ok(piece) = Submesh::new(target.mesh, is_in) else { return false };
-    let winding = WindingNumber::new(&piece.mesh);
+/// The inside of some vertices' own triangles; none without triangles.
+fn inside_of(mesh: &TriangleMesh, vertices: &[u32]) -> Option<WindingNumber> {
+    let piece = Submesh::new(mesh, |v| vertices.binary_search(&(v as u32)).is_ok()).ok()?;
+    Some(WindingNumber::new(&piece.mesh))
+}
+
+/// Whether a part is a piece of the body: inside of it, and not of the main body, is a joint of
+/// connected bones or most of a bone.
+///
+/// A ring has its bone in the hole or in the body, and an eye's bone begins at no other bone's end:
+/// both stay rigid.
+fn has_bone(part: &PartShape, body: Option<&WindingNumber>, target: Side<'_>, takes_part: &[bool]) -> bool {
+    let Some(inside) = inside_of(target.mesh, &part.vertices) else { return false };
+    let holds = |winding: &WindingNumber, p: DVec3| winding.at(p).abs() > 0.5;
+    let is_own = |p: DVec3| {
+        p.distance(part.centre) < part.radius && holds(&inside, p) && body.is_none_or(|body| !holds(body, p))
+    };
+    let (heads, tails, parents) =
+        (target.skeleton.heads(), target.skeleton.tails(), target.skeleton.parents());
     (0..takes_part.len()).filter(|&bone| takes_part[bone]).any(|bone| {
-        let (head, tail) = (target.skeleton.heads()[bone], target.skeleton.tails()[bone]);
+        let (head, tail) = (heads[bone], tails[bone]);
+        let is_joint = parents[bone].map(|parent| parent as usize).is_some_and(|parent| {
+            takes_part[parent]
+                && head.distance(tails[parent]) < CONNECTED * tails[parent].distance(heads[parent])
+        });
         let looks = LOOKS.map(|share| head.lerp(tail, share));
-        let is_inside = |p: &DVec3| p.distance(part.centre) < part.radius && winding.at(*p).abs() > 0.5;
-        2 * looks.iter().filter(|p| is_inside(p)).count() > looks.len()
+        (is_joint && is_own(head)) || 2 * looks.into_iter().filter(|&p| is_own(p)).count() > LOOKS.len()
     })
 }

@@ -1,8 +1,8 @@
 //! The distance field inside a body (Baran & Popović 2007, section 3.1): a grid of voxels, which of
 //! them are inside, and how far each is from the body's outer surface.
 //!
-//! Any mesh has a field: a voxel is inside where the surface winds around it, or where no way leads
-//! out without crossing the surface. Triangles that lie inside of the body, as where shells overlap,
+//! Any mesh has a field: a voxel is inside where the surface winds around it, or, where the triangles do
+//! not agree on a side, where no way leads out without crossing them. Triangles that lie inside of the body, as where shells overlap,
 //! are no boundary. Pieces with small gaps between them are bridged.
 
 use glam::{DVec3, IVec3};
@@ -13,12 +13,15 @@ use super::voxel_grid::{VoxelGrid, index, is_inside, neighbours};
 use crate::cage::WindingNumber;
 use crate::mesh::{SurfaceQuery, TriangleMesh};
 use crate::progress::{Cancelled, Progress};
+use crate::rig::bind::Plane;
 
 /// Voxels along the body: at most, and in the first look at how full it is.
 const FINEST: f64 = 170.0;
 const COARSE: f64 = 56.0;
 /// About as many voxels are inside at most.
 const MOST_INSIDE: f64 = 60_000.0;
+/// Price of leaving a plane to come inside, for every length.
+const FAR_ASIDE: f64 = 10.0;
 /// How far beside a triangle, in voxels, to look whether it is inside of the body.
 const BESIDE: f64 = 0.1;
 /// Gaps up to this share of the body's size are bridged.
@@ -38,9 +41,6 @@ pub(super) struct DistanceField {
     pub(super) depth: Vec<f64>,
     /// Pairs of voxels that bridge gaps between pieces.
     pub(super) bridges: Vec<(u32, u32)>,
-    /// Bounds of the mesh.
-    pub(super) low: DVec3,
-    pub(super) high: DVec3,
 }
 
 const OUTSIDE: u32 = u32::MAX;
@@ -52,7 +52,7 @@ impl DistanceField {
         let extent = (high - low).max_element();
         let winding = WindingNumber::new(mesh);
         let Ok(surface) = SurfaceQuery::new(mesh) else {
-            return Ok(Self::without_voxels(low, high, extent));
+            return Ok(Self::without_voxels(low, extent));
         };
         let coarse = VoxelGrid::new(low, high, extent / COARSE).fill(mesh, &winding, &surface, progress)?;
         let count = coarse.inside.iter().filter(|&&inside| inside).count() as f64;
@@ -61,7 +61,7 @@ impl DistanceField {
         progress.report(0.2)?;
         let grid = VoxelGrid::new(low, high, cell).fill(mesh, &winding, &surface, progress)?;
         progress.report(0.6)?;
-        let mut field = Self::from_grid(&grid, low, high);
+        let mut field = Self::from_grid(&grid);
         field.keep_pieces(BRIDGE * extent);
         let outer = outer_surface(mesh, &winding, &grid);
         let outer = outer.as_ref().unwrap_or(&surface);
@@ -74,7 +74,7 @@ impl DistanceField {
         Ok(field)
     }
 
-    fn without_voxels(low: DVec3, high: DVec3, cell: f64) -> Self {
+    fn without_voxels(low: DVec3, cell: f64) -> Self {
         Self {
             origin: low,
             cell,
@@ -83,14 +83,12 @@ impl DistanceField {
             voxels: Vec::new(),
             depth: Vec::new(),
             bridges: Vec::new(),
-            low,
-            high,
         }
     }
 
-    fn from_grid(grid: &VoxelGrid, low: DVec3, high: DVec3) -> Self {
-        let mut field = Self::without_voxels(low, high, grid.cell);
-        (field.origin, field.size) = (grid.origin, grid.size);
+    fn from_grid(grid: &VoxelGrid) -> Self {
+        let mut field = Self::without_voxels(grid.origin, grid.cell);
+        field.size = grid.size;
         field.voxels = (0..grid.inside.len()).filter(|&i| grid.inside[i]).map(|i| grid.place(i)).collect();
         field.number();
         field
@@ -142,15 +140,24 @@ impl DistanceField {
     /// The point itself where it is at least `depth` below the surface, else the centre of the voxel
     /// that is near and deep.
     pub(super) fn pulled_inside(&self, point: DVec3, depth: f64) -> DVec3 {
+        self.pulled_inside_near(point, depth, None)
+    }
+
+    /// Like [`Self::pulled_inside`], to a place in a plane.
+    pub(super) fn pulled_inside_near(&self, point: DVec3, depth: f64, plane: Option<&Plane>) -> DVec3 {
+        let in_plane = |p: DVec3| plane.map_or(p, |plane| p - plane.normal * plane.height(p));
+        let point = in_plane(point);
         if self.voxel_at(point).is_some() && self.depth_at(point) >= depth {
             return point;
         }
         let miss = |id: usize| {
             let lack = (depth - self.depth[id]).max(0.0);
-            self.position(id as u32).distance(point) + 3.0 * lack
+            let place = self.position(id as u32);
+            let aside = plane.map_or(0.0, |plane| (plane.height(place).abs() - 0.6 * self.cell).max(0.0));
+            place.distance(point) + 3.0 * lack + FAR_ASIDE * aside
         };
         let nearest = (0..self.voxels.len()).min_by(|&a, &b| miss(a).total_cmp(&miss(b)));
-        nearest.map_or(point, |id| self.position(id as u32))
+        nearest.map_or(point, |id| in_plane(self.position(id as u32)))
     }
 
     /// Keeps the largest connected piece and those with small gaps to it, and bridges the gaps.

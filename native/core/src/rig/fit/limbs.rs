@@ -5,6 +5,7 @@ use glam::DVec3;
 
 use super::centreline::{BaseAt, Centreline};
 use super::reduced_skeleton::Limb;
+use super::symmetry::TemplateMirror;
 
 /// Limbs begin between these shares of where the template has their joints.
 const WINDOW: [f64; 2] = [0.7, 1.5];
@@ -112,6 +113,19 @@ impl Limb {
         let inner = (1..last).filter(move |&i| self.lengths[i] >= FIRST_BASE * total && self.beside_trunk[i]);
         let has_inner = inner.clone().next().is_some();
         inner.chain((!has_inner).then_some(last))
+    }
+}
+
+/// Gives two limbs that are mirror images in the template one length up to their bases, also where the
+/// body's pose has no mirror plane.
+pub(super) fn share_bases(limbs: &mut [FoundLimb], mirror: &TemplateMirror) {
+    let bases: Vec<(usize, Option<f64>)> = limbs.iter().map(|l| (l.limb.joints[0], l.base)).collect();
+    for limb in limbs {
+        let partner = mirror.partner[limb.limb.joints[0]];
+        if let Some((_, other)) = bases.iter().find(|(end, _)| Some(*end) == partner) {
+            // What one side shows alone is no base.
+            limb.base = limb.base.zip(*other).map(|(one, other)| 0.5 * (one + other));
+        }
     }
 }
 

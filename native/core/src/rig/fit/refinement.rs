@@ -53,8 +53,8 @@ impl Refinement<'_> {
         let mut places = self.solve(scales)?;
         for _ in 0..ROUNDS {
             let mut moved = false;
-            for joint in 0..places.len() {
-                let (Some(place), None) = (places[joint], self.fixed[joint]) else { continue };
+            for (joint, place) in places.iter().enumerate() {
+                let (Some(place), None) = (*place, self.fixed[joint]) else { continue };
                 let inside = self.inside(joint, place);
                 if inside.distance(place) > 1e-3 * self.field.cell {
                     let is_base = self.targets[joint].is_some_and(|target| target.is_base);
@@ -69,9 +69,9 @@ impl Refinement<'_> {
             places = self.solve(scales)?;
         }
         // The bones may have pulled a joint out again.
-        for joint in 0..places.len() {
-            if let (Some(place), None) = (places[joint], self.fixed[joint]) {
-                places[joint] = Some(self.inside(joint, place));
+        for (joint, place) in places.iter_mut().enumerate() {
+            if self.fixed[joint].is_none() {
+                *place = place.map(|place| self.inside(joint, place));
             }
         }
         self.mirror(&mut places);
@@ -85,11 +85,13 @@ impl Refinement<'_> {
             None => TRUNK_DEPTH * deepest,
             Some(_) => 0.5 * self.field.cell,
         };
+        let Some((mirror, plane)) = &self.mirrors else { return self.field.pulled_inside(place, depth) };
+        if mirror.partner[joint] == Some(joint) {
+            return self.field.pulled_inside_near(place, depth, Some(plane));
+        }
         let inside = self.field.pulled_inside(place, depth);
-        let Some((mirror, plane)) = &self.mirrors else { return inside };
         let height = plane.height(inside);
         match mirror.partner[joint] {
-            Some(partner) if partner == joint => inside - plane.normal * height,
             Some(_) => {
                 // Left stays left, and not much nearer to the middle than in the template.
                 let expected = mirror.plane.height(self.points[joint]);

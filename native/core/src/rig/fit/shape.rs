@@ -9,7 +9,7 @@ use super::embedding::{Embedding, Place, Search};
 use super::error::FitError;
 use super::geodesic::Ways;
 use super::joints::Joints;
-use super::limbs::{FoundLimb, common_scale};
+use super::limbs::{FoundLimb, common_scale, share_bases};
 use super::medial_surface::medial_surface;
 use super::reduced_skeleton::{Limb, ReducedSkeleton};
 use super::refinement::{Refinement, Target};
@@ -87,7 +87,10 @@ impl Input<'_> {
         let Some((factor, embedding)) = best else { return Ok(None) };
         progress.begin("Placing joints", 0.85, 0.95)?;
         let first = factor * first;
-        let (found, lost) = self.found_limbs(&ways, &tips, &embedding, first);
+        let (mut found, lost) = self.found_limbs(&ways, &tips, &embedding, first);
+        if let Some(mirror) = self.mirror {
+            share_bases(&mut found, mirror);
+        }
         if found.is_empty() {
             return Ok(None);
         }

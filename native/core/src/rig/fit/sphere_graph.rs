@@ -51,7 +51,6 @@ impl SphereGraph {
     }
 
     /// Spheres that intersect one, with the distances of their centres.
-
     fn intersecting(&self, sphere: usize, field: &DistanceField) -> Vec<(usize, f64)> {
         let centre = self.centres[sphere];
         (0..self.centres.len())

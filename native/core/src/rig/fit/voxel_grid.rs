@@ -11,6 +11,10 @@ use crate::progress::{Cancelled, Progress};
 const BLOCK: i32 = 4;
 /// On a sheet the winding number is a half, up to rounding.
 const LEAST_WINDING: f64 = 0.501;
+/// Cavities are at most this share of a body.
+const CAVITY: f64 = 0.25;
+/// Step off the planes of the grid, in voxels.
+const BESIDE_PLANES: DVec3 = DVec3::new(3.7e-4, 6.1e-4, 8.3e-4);
 
 /// All offsets to the 26 neighbours of a voxel.
 pub(super) fn neighbours() -> impl Iterator<Item = IVec3> {
@@ -58,6 +62,12 @@ impl VoxelGrid {
         place.cmpge(IVec3::ZERO).all() && place.cmplt(self.size).all()
     }
 
+    /// Whether a point of the grid is inside. It is looked at a little beside: surfaces often lie in the
+    /// planes of the grid, where edges would count twice.
+    fn is_inside(&self, winding: &WindingNumber, point: DVec3) -> bool {
+        is_inside(winding, point + BESIDE_PLANES * self.cell)
+    }
+
     /// Decides which voxels are inside.
     pub(super) fn fill(
         mut self,
@@ -78,12 +88,12 @@ impl VoxelGrid {
                 .filter(|&member| self.contains(member));
             let distance = surface.closest_point(middle).map_or(f64::INFINITY, |found| found.distance);
             if distance > far {
-                return match is_inside(winding, middle) {
+                return match self.is_inside(winding, middle) {
                     true => members.collect(),
                     false => Vec::new(),
                 };
             }
-            members.filter(|&member| is_inside(winding, self.centre(member))).collect::<Vec<_>>()
+            members.filter(|&member| self.is_inside(winding, self.centre(member))).collect::<Vec<_>>()
         };
         let found: Vec<Vec<IVec3>> =
             (0..blocks.x * blocks.y * blocks.z).into_par_iter().map(decide).collect();
@@ -131,7 +141,7 @@ impl VoxelGrid {
             .filter(|&i| touched[i] && !self.inside[i] && is_lonely(self.place(i)))
             .filter(|&i| {
                 let centre = self.centre(self.place(i));
-                corners().any(|corner| is_inside(winding, centre + corner * (0.5 * self.cell)))
+                corners().any(|corner| self.is_inside(winding, centre + corner * (0.5 * self.cell)))
             })
             .collect();
         for i in thin {
@@ -139,7 +149,8 @@ impl VoxelGrid {
         }
     }
 
-    /// Adds voxels from which no way leads out without crossing the surface.
+    /// Adds voxels from which no way leads out without crossing the surface, where they are too many to be
+    /// cavities such as a mouth: then the triangles do not agree on which side is outside.
     fn add_enclosed(&mut self, touched: &[bool]) {
         let mut reached = touched.to_vec();
         let mut front = vec![IVec3::ZERO];
@@ -151,6 +162,12 @@ impl VoxelGrid {
                     front.push(next);
                 }
             }
+        }
+        let enclosed =
+            self.inside.iter().zip(&reached).filter(|&(inside, reached)| !inside && !reached).count();
+        let wound = self.inside.iter().filter(|&&inside| inside).count();
+        if enclosed as f64 <= CAVITY * wound as f64 {
+            return;
         }
         for (inside, reached) in self.inside.iter_mut().zip(reached) {
             *inside |= !reached;
