@@ -20,6 +20,8 @@ pub(super) struct ContactVertex {
     pub element: u32,
     /// True on the side of the bone below the joint.
     pub below: bool,
+    /// Outward normal of the surface in rest.
+    pub normal: Vec3,
     /// How far the vertex is beyond the middle of the fold in rest.
     pub rest_overlap: f32,
     /// How far it is shut in there in rest, from 0 to 1.
@@ -56,6 +58,9 @@ const MARGIN: f32 = 3.0;
 const UNMOVED: f32 = 1e-4;
 /// Sine of half the turn from which hollows close in full: 23°.
 const TURNED: f32 = 0.2;
+/// Cosine between a vertex' normal and the way to the other side from which on it is the back of its
+/// side, which touches nothing.
+const TURNED_AWAY: f32 = 0.5;
 /// Gap between the sides, in radii, at which they begin to feel each other.
 const FELT: f32 = 0.15;
 /// Half the gap that is left between the sides, in radii.
@@ -95,6 +100,8 @@ pub(super) struct ContactScratch {
 pub(super) struct FoldPlane {
     pub plane: ProjectionPlane,
     pub inwards: Vec3,
+    /// The direction towards the other side, in rest, for the side above the joint and for that below.
+    pub towards: [Vec3; 2],
     /// 0 for straight joints, 1 from a moderate bend on, so that contact sets in gently.
     pub strength: f32,
     /// 0 at rest, 1 once the joint has turned some way, so that hollows begin to close gently.
@@ -121,9 +128,11 @@ impl JointContact {
         let length = inwards.length();
         let strength = ((length - STRAIGHT) / (BENT - STRAIGHT)).min(1.0);
         let (bend_share, set_in) = self.turn(below, above);
+        let in_rest = |pose: &Affine3A| (pose.matrix3.transpose() * normal).normalize_or_zero();
         (length > STRAIGHT).then(|| FoldPlane {
             plane: ProjectionPlane { point: joint, normal },
             inwards: inwards / length,
+            towards: [in_rest(above), -in_rest(below)],
             strength,
             set_in,
             bend_share: strength * bend_share,
@@ -147,10 +156,15 @@ impl JointContact {
         let offset = position - fold.plane.point;
         let height = offset.dot(fold.plane.normal);
         let across = fold.inwards.cross(fold.plane.normal);
+        let beyond = if candidate.below { -height } else { height };
+        let towards = candidate.normal.dot(fold.towards[usize::from(candidate.below)]);
+        let facing = smoothstep(1.0 + towards / TURNED_AWAY);
         Place {
             inwards: offset.dot(fold.inwards),
             across: offset.dot(across),
-            beyond: if candidate.below { -height } else { height },
+            beyond,
+            height: beyond - (1.0 - facing) * 2.0 * self.radius,
+            facing,
             below: candidate.below,
         }
     }
@@ -174,7 +188,7 @@ impl JointContact {
         let mut highest = [f32::NEG_INFINITY; 2];
         for place in places().filter(|place| place.inwards > -margin) {
             let side = usize::from(place.below);
-            highest[side] = highest[side].max(place.beyond);
+            highest[side] = highest[side].max(place.height);
         }
         let closest = highest[0] + highest[1] + scale.margin + 2.0 * margin;
         if closest.is_nan() || closest <= 0.0 || self.resolved() <= 0.0 {
@@ -183,7 +197,7 @@ impl JointContact {
         let reaches = |place: Place| {
             let other = highest[usize::from(!place.below)];
             let room = scale.margin + scale.radius + 2.0 * margin;
-            place.inwards > -margin - scale.step && place.beyond + other + room > 0.0
+            place.inwards > -margin - scale.step && place.height + other + room > 0.0
         };
         near.extend((0..).zip(places()).filter(|&(_, place)| reaches(place)).map(|(index, _)| index));
     }
@@ -224,12 +238,11 @@ impl JointContact {
             let vertex = &self.vertices[list[listed as usize] as usize];
             let beyond = place.beyond - field.middle(place) + thickness;
             let amount = if beyond > 0.0 {
-                let over = beyond - vertex.rest_overlap;
+                let over = field.sunk(place, beyond) - vertex.rest_overlap;
                 if over <= 0.0 {
                     continue;
                 }
-                let near = smoothstep(2.0 + field.overlap(field.locate(place)) / scale.margin);
-                over * near * over / (over + firmness.softness * scale.margin)
+                over * over / (over + firmness.softness * scale.margin)
             } else {
                 let located = field.locate(place);
                 let shut_in = field.shut_in(located) * fold.set_in * (1.0 - vertex.rest_shut_in);
@@ -241,7 +254,7 @@ impl JointContact {
                 let small = smoothstep(2.0 + 2.0 * field.overlap(located) / scale.radius);
                 firmness.pull * beyond * shut_in * seen * small
             };
-            let amount = amount * all * (place.inwards / self.spacing).min(1.0);
+            let amount = amount * all * place.facing * (place.inwards / self.spacing).min(1.0);
             if amount.abs() > LEAST_PUSH * self.spacing {
                 let direction = if vertex.below { amount } else { -amount };
                 pushes.push(Push { listed, offset: fold.plane.normal * direction });
@@ -260,6 +273,7 @@ mod tests {
         let vertices = rest.iter().zip(0..).map(|(p, element)| ContactVertex {
             element,
             below: p.x > 0.0,
+            normal: Vec3::Y,
             rest_overlap: 0.0,
             rest_shut_in: 0.0,
         });

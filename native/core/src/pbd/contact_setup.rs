@@ -56,6 +56,7 @@ fn joint_contact(
         let candidate = |(&element, &vertex): (&u32, &u32)| ContactVertex {
             element,
             below: is_below(vertex),
+            normal: input.normals[vertex as usize].as_vec3(),
             rest_overlap: 0.0,
             rest_shut_in: 0.0,
         };

@@ -24,7 +24,8 @@ impl JointContact {
             if meets {
                 let place = &places[index];
                 vertex.rest_shut_in = field.shut_in(field.locate(place));
-                vertex.rest_overlap = (place.beyond - field.middle(place) + thickness).max(0.0);
+                let beyond = place.beyond - field.middle(place) + thickness;
+                vertex.rest_overlap = field.sunk(place, beyond).max(0.0);
             }
         }
     }

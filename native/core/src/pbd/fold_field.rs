@@ -15,6 +15,10 @@ pub(super) struct Place {
     pub across: f32,
     /// Height over the plane, towards the other side.
     pub beyond: f32,
+    /// That height for the field: lower where the surface is turned away.
+    pub height: f32,
+    /// How far the surface is turned towards the other side, from 0 to 1.
+    pub facing: f32,
     /// True on the side of the bone below the joint.
     pub below: bool,
 }
@@ -41,6 +45,8 @@ const ENVELOPE_LACK: f32 = 0.35;
 /// Say of the projection plane in the plane half way, in candidates' says: where little touches, it is
 /// not tilted far.
 const PRIOR: f32 = 2.0;
+/// Slack of the heights, in steps: between candidates they may be too low by as much.
+const SLACK: f32 = 0.3;
 /// From here on, in radii along the bend, sides that come near are past the fold's root.
 const PAST_ROOT: f32 = 0.75;
 
@@ -72,7 +78,7 @@ impl FoldField {
         let highest = self.highest;
         let reach = |place: &&Place| {
             let other = highest[usize::from(!place.below)];
-            place.inwards > -scale.step && place.beyond + other > -scale.radius - scale.margin
+            place.inwards > -scale.step && place.height + other > -scale.radius - scale.margin
         };
         if !self.lay_out(places.iter().filter(reach), scale.step) {
             return 0.0;
@@ -101,13 +107,13 @@ impl FoldField {
         }
         for place in places.iter().filter(|place| place.inwards > 0.0) {
             let side = usize::from(place.below);
-            self.highest[side] = self.highest[side].max(place.beyond);
+            self.highest[side] = self.highest[side].max(place.height);
             let t = place.inwards / step;
             let node = (t as usize).min(count - 2);
             let t = t - node as f32;
             let line = &mut self.profiles[side];
-            line[node] = line[node].max(place.beyond - t * step);
-            line[node + 1] = line[node + 1].max(place.beyond - (1.0 - t) * step);
+            line[node] = line[node].max(place.height - t * step);
+            line[node + 1] = line[node + 1].max(place.height - (1.0 - t) * step);
         }
         for line in &mut self.profiles {
             for i in 1..count {
@@ -177,7 +183,7 @@ impl FoldField {
             let envelope = &mut self.envelopes[usize::from(place.below)];
             for (first, y) in [(node, t), (node + row, 1.0 - t)] {
                 for (height, x) in envelope[first..first + 2].iter_mut().zip([s, 1.0 - s]) {
-                    *height = height.max(place.beyond - (x * x + y * y).sqrt() * self.grid.step);
+                    *height = height.max(place.height - (x * x + y * y).sqrt() * self.grid.step);
                 }
             }
         }
@@ -187,8 +193,8 @@ impl FoldField {
         for place in places {
             let side = usize::from(place.below);
             let located = self.locate(place);
-            let hidden = (self.grid.at(&self.envelopes[side], located) - place.beyond) * self.grid.per_step;
-            let say = (1.0 - hidden).clamp(0.0, 1.0);
+            let hidden = (self.grid.at(&self.envelopes[side], located) - place.height) * self.grid.per_step;
+            let say = (1.0 - hidden).clamp(0.0, 1.0) * place.facing;
             if say <= 0.0 {
                 continue;
             }
@@ -276,6 +282,14 @@ impl FoldField {
         if place.below { -middle } else { middle }
     }
 
+    /// How far a place that is so far beyond the middle is in the other side: never farther than that
+    /// side reaches there, so that a plane that fits badly parts the sides no farther than touching.
+    #[inline]
+    pub(super) fn sunk(&self, place: &Place, beyond: f32) -> f32 {
+        let other = self.envelope(!place.below, self.locate(place));
+        beyond.min(place.beyond + other + SLACK * self.grid.step)
+    }
+
     /// How far the sides overlap; negative for a gap.
     #[inline]
     pub(super) fn overlap(&self, located: Located) -> f32 {
@@ -313,7 +327,7 @@ mod tests {
             let middle = slope * inwards;
             [true, false].map(|below| {
                 let beyond = if below { -middle - half } else { middle - half };
-                Place { inwards, across, beyond, below }
+                Place { inwards, across, beyond, height: beyond, facing: 1.0, below }
             })
         })
         .collect()
@@ -326,7 +340,7 @@ mod tests {
         let places = sides(0.4, 0.1);
         let mut field = FoldField::default();
         assert!(field.fill(&places, &SCALE) > 0.99);
-        let at = |inwards: f32| Place { inwards, across: 0.0, beyond: 0.0, below: false };
+        let at = |inwards: f32| Place { inwards, across: 0.0, beyond: 0.0, height: 0.0, facing: 1.0, below: false };
         let shut_in = |inwards: f32| field.shut_in(field.locate(&at(inwards)));
         let overlap = |inwards: f32| field.overlap(field.locate(&at(inwards)));
         assert!(shut_in(0.6) > 0.95 && shut_in(1.85) < 0.5);
@@ -341,7 +355,10 @@ mod tests {
     fn sides_that_part_from_the_root_on_are_not_in_contact() {
         let opened: Vec<Place> = sides(0.0, 0.0)
             .into_iter()
-            .map(|place| Place { beyond: place.beyond - place.inwards, ..place })
+            .map(|place| {
+                let beyond = place.beyond - place.inwards;
+                Place { beyond, height: beyond, ..place }
+            })
             .collect();
         assert_eq!(FoldField::default().fill(&opened, &SCALE), 0.0);
         let one_side: Vec<Place> = opened.into_iter().filter(|place| place.below).collect();

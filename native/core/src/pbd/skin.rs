@@ -122,8 +122,10 @@ impl PbdSkin {
             pool.map_err(|e| PbdError::Threads { count, reason: e.to_string() })
         });
         let pool = pool.transpose()?;
-        let adjacency = Adjacency::new(mesh.vertex_count(), &mesh.topology());
-        let build = || build_islands(mesh, skeleton, weights, settings, stiffness_shares, &adjacency);
+        let topology = mesh.topology();
+        let adjacency = Adjacency::new(mesh.vertex_count(), &topology);
+        let build =
+            || build_islands(mesh, skeleton, weights, settings, stiffness_shares, &topology, &adjacency);
         let islands = pool.as_ref().map_or_else(build, |pool| pool.install(build))?;
         let mut moved: Vec<u32> = islands.iter().flat_map(|i| i.surface.iter().map(|p| p.vertex)).collect();
         moved.sort_unstable();
