@@ -85,7 +85,8 @@ mod tests {
     fn normals_point_outwards_also_where_a_surface_is_inside_out() {
         let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
         let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
-        let vertices = corners.iter().chain(&corners).enumerate().map(|(i, &p)| p + DVec3::X * (3 * (i / 4)) as f64);
+        let vertices =
+            corners.iter().chain(&corners).enumerate().map(|(i, &p)| p + DVec3::X * (3 * (i / 4)) as f64);
         let flipped = faces.map(|[a, b, c]| [a + 4, c + 4, b + 4]);
         let mesh = TriangleMesh::new(vertices.collect(), faces.into_iter().chain(flipped).collect()).unwrap();
         let normals = outward_normals(&mesh, mesh.topology().components());

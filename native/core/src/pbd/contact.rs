@@ -63,6 +63,8 @@ const TURNED: f32 = 0.2;
 const TURNED_AWAY: f32 = 0.5;
 /// Gap between the sides, in radii, at which they begin to feel each other.
 const FELT: f32 = 0.15;
+/// Candidates along a limb's radius from which on its sides have a shape, and have all of it.
+const RESOLVED: [f32; 2] = [1.5, 2.0];
 /// Half the gap that is left between the sides, in radii.
 pub(super) const THICKNESS: f32 = 0.01;
 /// Smaller pushes than this, in spacings, are left out.
@@ -79,9 +81,9 @@ pub(super) struct Firmness {
 
 impl Firmness {
     /// Of the cage, which is pushed again and again while it is solved.
-    pub(super) const CAGE: Self = Self { pull: 0.2, softness: 0.3 };
+    pub(super) const CAGE: Self = Self { pull: 0.1, softness: 0.3 };
     /// Of the surface in the end.
-    pub(super) const SURFACE: Self = Self { pull: 0.5, softness: 0.0 };
+    pub(super) const SURFACE: Self = Self { pull: 0.25, softness: 0.0 };
 }
 
 /// Buffers of the contact search.
@@ -175,7 +177,8 @@ impl JointContact {
 
     /// How far the sides have a shape: one of a few triangles has none that could touch another.
     fn resolved(&self) -> f32 {
-        smoothstep(2.0 * (self.radius / self.spacing - 1.0))
+        let [none, all] = RESOLVED;
+        smoothstep((self.radius / self.spacing - none) / (all - none))
     }
 
     /// Lists the candidates that can come into contact as long as none moves by more than

@@ -46,7 +46,7 @@ const ENVELOPE_LACK: f32 = 0.35;
 /// not tilted far.
 const PRIOR: f32 = 2.0;
 /// Slack of the heights, in steps: between candidates they may be too low by as much.
-const SLACK: f32 = 0.3;
+const SLACK: f32 = 0.6;
 /// From here on, in radii along the bend, sides that come near are past the fold's root.
 const PAST_ROOT: f32 = 0.75;
 
@@ -340,7 +340,14 @@ mod tests {
         let places = sides(0.4, 0.1);
         let mut field = FoldField::default();
         assert!(field.fill(&places, &SCALE) > 0.99);
-        let at = |inwards: f32| Place { inwards, across: 0.0, beyond: 0.0, height: 0.0, facing: 1.0, below: false };
+        let at = |inwards: f32| Place {
+            inwards,
+            across: 0.0,
+            beyond: 0.0,
+            height: 0.0,
+            facing: 1.0,
+            below: false,
+        };
         let shut_in = |inwards: f32| field.shut_in(field.locate(&at(inwards)));
         let overlap = |inwards: f32| field.overlap(field.locate(&at(inwards)));
         assert!(shut_in(0.6) > 0.95 && shut_in(1.85) < 0.5);

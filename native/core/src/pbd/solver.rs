@@ -232,9 +232,9 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
             let w = corners.map(|corner| active.inverse_masses[corner]);
             let b = point.barycentric;
             let mass: f32 = (0..4).map(|k| w[k] * b[k] * b[k]).sum();
-            // Where little is free, most of a push would move a corner far: leave it to the surface.
-            if left > 0.0 && mass > LEAST_CONTACT_MASS {
-                let step = push.offset * (left / (length * mass));
+            if left > 0.0 {
+                // Where little is free, all of a push would move a corner far: the surface follows then.
+                let step = push.offset * (left / (length * mass.max(LEAST_CONTACT_MASS)));
                 for k in 0..4 {
                     let step = step * (w[k] * b[k]);
                     particles[corners[k]] += f32x4::new([step.x, step.y, step.z, 0.0]);
@@ -244,6 +244,6 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
     }
 }
 
-/// Smallest Σ w b² of a tetrahedron that takes a push; a quarter when all four corners are free
-/// and share alike.
-const LEAST_CONTACT_MASS: f32 = 0.05;
+/// Σ w b² of a tetrahedron whose corners are all free and share a push alike; what has less takes a
+/// part of a push only.
+const LEAST_CONTACT_MASS: f32 = 0.25;
