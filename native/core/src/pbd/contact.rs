@@ -40,6 +40,8 @@ pub(super) struct JointContact {
     pub vertices: Vec<ContactVertex>,
     /// Mean distance between neighbouring candidates.
     pub spacing: f32,
+    /// How much farther apart they are than the mesh's vertices.
+    pub left_out: f32,
     /// Radius of the limb at the joint.
     pub radius: f32,
 }
@@ -65,6 +67,10 @@ const TURNED_AWAY: f32 = 0.5;
 const FELT: f32 = 0.15;
 /// Candidates along a limb's radius from which on its sides have a shape, and have all of it.
 const RESOLVED: [f32; 2] = [1.5, 2.0];
+/// Slack of the sides' heights, in gaps at which they begin to feel each other.
+const SLACK: f32 = 0.7;
+/// And in distances between the vertices that a sample leaves out.
+const LEFT_OUT_SLACK: f32 = 0.4;
 /// Half the gap that is left between the sides, in radii.
 pub(super) const THICKNESS: f32 = 0.01;
 /// Smaller pushes than this, in spacings, are left out.
@@ -172,7 +178,9 @@ impl JointContact {
     }
 
     pub(super) fn scale(&self) -> FieldScale {
-        FieldScale { step: self.spacing, margin: self.radius * FELT, radius: self.radius }
+        let margin = self.radius * FELT;
+        let slack = SLACK * margin + LEFT_OUT_SLACK * self.left_out;
+        FieldScale { step: self.spacing, margin, slack, radius: self.radius }
     }
 
     /// How far the sides have a shape: one of a few triangles has none that could touch another.
@@ -287,6 +295,7 @@ mod tests {
             up: -Vec3::X,
             down: Vec3::X,
             spacing: 0.1,
+            left_out: 0.0,
             radius: 0.3,
             vertices: vertices.collect(),
         };

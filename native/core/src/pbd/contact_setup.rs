@@ -69,6 +69,7 @@ fn joint_contact(
             down: down.as_vec3(),
             vertices: elements.iter().zip(vertices).map(candidate).collect(),
             spacing: spacing(input, vertices),
+            left_out: 0.0,
             radius: area.radius as f32,
         };
         (contact, rest)
@@ -90,7 +91,8 @@ fn thinned(contact: &JointContact, rest: &[Vec3]) -> JointContact {
     let vertices: Vec<ContactVertex> = indices.iter().map(|&i| contact.vertices[i]).collect();
     let rest: Vec<Vec3> = indices.iter().map(|&i| rest[i]).collect();
     let spacing = contact.spacing * (count as f32 / indices.len().max(1) as f32).sqrt();
-    at_rest(JointContact { vertices, spacing, ..contact.clone() }, &rest)
+    let left_out = spacing - contact.spacing;
+    at_rest(JointContact { vertices, spacing, left_out, ..contact.clone() }, &rest)
 }
 
 fn at_rest(mut contact: JointContact, rest: &[Vec3]) -> JointContact {

@@ -30,6 +30,8 @@ pub(super) struct FieldScale {
     pub step: f32,
     /// Gap at which the sides begin to feel each other.
     pub margin: f32,
+    /// How much too low the heights may be.
+    pub slack: f32,
     /// Radius of the limb: a hollow half as wide is closed in full, one as wide not at all.
     pub radius: f32,
 }
@@ -45,8 +47,6 @@ const ENVELOPE_LACK: f32 = 0.35;
 /// Say of the projection plane in the plane half way, in candidates' says: where little touches, it is
 /// not tilted far.
 const PRIOR: f32 = 2.0;
-/// Slack of the heights, in steps: between candidates they may be too low by as much.
-const SLACK: f32 = 0.6;
 /// From here on, in radii along the bend, sides that come near are past the fold's root.
 const PAST_ROOT: f32 = 0.75;
 
@@ -54,6 +54,8 @@ const PAST_ROOT: f32 = 0.75;
 #[derive(Debug, Clone, Default)]
 pub(super) struct FoldField {
     grid: Grid,
+    /// That of the scale.
+    slack: f32,
     /// Highest place of each side.
     highest: [f32; 2],
     /// Heights of both sides along the bend.
@@ -71,6 +73,7 @@ impl FoldField {
     /// Fills the field from the places of both sides and returns how far they are in contact, from 0
     /// (the field is not filled) to 1.
     pub(super) fn fill(&mut self, places: &[Place], scale: &FieldScale) -> f32 {
+        self.slack = scale.slack;
         let level = self.contact_level(places, scale);
         if level <= 0.0 {
             return 0.0;
@@ -287,7 +290,7 @@ impl FoldField {
     #[inline]
     pub(super) fn sunk(&self, place: &Place, beyond: f32) -> f32 {
         let other = self.envelope(!place.below, self.locate(place));
-        beyond.min(place.beyond + other + SLACK * self.grid.step)
+        beyond.min(place.beyond + other + self.slack)
     }
 
     /// How far the sides overlap; negative for a gap.
@@ -333,7 +336,7 @@ mod tests {
         .collect()
     }
 
-    const SCALE: FieldScale = FieldScale { step: 0.1, margin: 0.15, radius: 1.0 };
+    const SCALE: FieldScale = FieldScale { step: 0.1, margin: 0.15, slack: 0.1, radius: 1.0 };
 
     #[test]
     fn a_hollow_between_sides_that_touch_is_shut_in() {
