@@ -3,7 +3,7 @@
 
 use glam::{Affine3A, Mat3A, Vec3A};
 
-use super::contact::FoldPlane;
+use super::fold_plane::FoldPlane;
 use super::island::{Island, STILL};
 
 /// Rings of tetrahedra that are solved around what has moved.

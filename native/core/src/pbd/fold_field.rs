@@ -353,12 +353,32 @@ mod tests {
         };
         let shut_in = |inwards: f32| field.shut_in(field.locate(&at(inwards)));
         let overlap = |inwards: f32| field.overlap(field.locate(&at(inwards)));
-        assert!(shut_in(0.6) > 0.95 && shut_in(1.85) < 0.5);
+        let (hollow, end) = (shut_in(0.6), shut_in(1.85));
+        assert!(hollow > 0.9 && end < 0.8 * hollow, "{hollow} {end}");
         assert!((overlap(0.7) + 0.4).abs() < 0.1 && overlap(1.6).abs() < 0.1);
         let middle = field.middle(&at(1.5));
         assert!((middle - 0.15).abs() < 0.03, "{middle}");
         let below = field.middle(&Place { below: true, ..at(1.5) });
         assert!((below + middle).abs() < 1e-6, "seen from the other side");
+    }
+
+    #[test]
+    fn a_plane_that_fits_badly_parts_no_farther_than_touching() {
+        let mut field = FoldField::default();
+        assert!(field.fill(&sides(0.4, 0.0), &SCALE) > 0.0);
+        let place = |inwards: f32, beyond: f32| Place {
+            inwards,
+            across: 0.0,
+            beyond,
+            height: beyond,
+            facing: 1.0,
+            below: false,
+        };
+        // The other side is 0.2 under the plane in the hollow, and reaches it farther out.
+        let left = |place: Place, beyond: f32| field.sunk(&place, beyond) - SCALE.slack;
+        assert!((left(place(0.7, 0.3), 5.0) - 0.1).abs() < 0.06);
+        assert!((left(place(1.6, 0.3), 5.0) - 0.3).abs() < 0.06);
+        assert_eq!(field.sunk(&place(1.6, 0.3), 0.05), 0.05);
     }
 
     #[test]

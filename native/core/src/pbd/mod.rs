@@ -15,6 +15,7 @@ mod finite_difference;
 mod fit;
 mod fold_field;
 mod fold_grid;
+mod fold_plane;
 mod island;
 mod lanes;
 #[cfg(target_arch = "x86_64")]

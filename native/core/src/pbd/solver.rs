@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 use wide::f32x4;
 
 use super::active::ActivePart;
-use super::contact::{ContactScratch, Firmness, FoldPlane};
+use super::contact::{ContactScratch, Firmness};
+use super::fold_plane::FoldPlane;
 use super::island::{Bind, Island};
 use super::lanes::{BATCH, Particle, on_widest_lanes};
 use super::sweeps::{EnergySweep, StretchSweep, VolumeSweep};
