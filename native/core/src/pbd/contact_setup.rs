@@ -12,6 +12,8 @@ use super::patch::PatchInput;
 const CANDIDATE_REACH: f64 = 2.8;
 /// Candidates of a joint that push the cage, about: enough for its cells, however dense the mesh.
 const CAGE_CANDIDATES: usize = 600;
+/// Length of a bone, in radii of its joint, from which on it is a limb's.
+const LIMB: f64 = 4.0;
 /// Contact candidates around one joint.
 pub(super) struct JointContacts {
     /// Those that push the cage while it is solved.
@@ -102,17 +104,27 @@ fn at_rest(mut contact: JointContact, rest: &[Vec3]) -> JointContact {
 
 /// True for vertices that mostly follow a bone near the joint: over its plane, such bones are height
 /// fields, while a hand that hangs below the plane of a spine joint has not passed through anything.
+/// What follows the bones next to the joint's own two takes part where a limb is long enough to lie along
+/// it: fingers curl beside each other, and their ends and the palm meet at other angles.
 fn is_neighbour(input: &PatchInput<'_>, area: &JointArea, vertex: u32, below: bool) -> bool {
     let parents = input.skeleton.parents();
     let heaviest =
         input.weights.entries(vertex as usize).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
     let Some((bone, _)) = heaviest else { return false };
     let parent = parents[bone as usize];
-    if below {
-        bone == area.bone || parent == Some(area.bone)
-    } else {
-        bone == area.parent || parent == Some(area.parent) || parents[area.parent as usize] == Some(bone)
+    let length = |bone: u32| {
+        let bone = bone as usize;
+        input.skeleton.tails()[bone].distance(input.skeleton.heads()[bone])
+    };
+    if bone == if below { area.bone } else { area.parent } {
+        return true;
     }
+    let is_next = if below {
+        parent == Some(area.bone)
+    } else {
+        parent == Some(area.parent) || parents[area.parent as usize] == Some(bone)
+    };
+    is_next && length(area.bone).max(length(area.parent)) >= LIMB * area.radius
 }
 
 /// True where both sides of the joint are on one surface: an edge leads from one to the other.
