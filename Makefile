@@ -9,7 +9,7 @@ PYTHON ?= $(shell for python in python3.11 python3.13 python3; do \
 	then echo $$python; exit; fi; done; echo python3)
 VENV_PYTHON := .venv/bin/python
 
-.PHONY: help demo test bench wheel zip lint format clean environment
+.PHONY: help demo test bench wheel zip package install-test window-test lint format clean environment
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | \
@@ -23,10 +23,12 @@ demo: zip ## Retarget weights in Blender, what the PBD skin does, a bare mesh th
 test: zip ## Run all tests and linters (Rust, Python, inside Blender)
 	@$(VENV_PYTHON) scripts/run_tests.py
 
-bench: zip ## Measure the spectral solver, the skin, its frames and retargeted weights beside others; bench/*.json and *.png
+bench: zip ## Measure the spectral solver, the skin, its speed, its frames and retargeted weights beside others; bench/*.json and *.png
 	@$(VENV_PYTHON) bench/spectral.py
 	@$(VENV_PYTHON) bench/skin.py
+	@$(VENV_PYTHON) bench/performance.py
 	@$(VENV_PYTHON) bench/skin_frames.py
+	@$(VENV_PYTHON) bench/skin_frames.py --vertices 24000
 	@$(VENV_PYTHON) bench/retarget.py
 	@$(VENV_PYTHON) bench/bind.py
 	@$(VENV_PYTHON) bench/fit.py
@@ -35,16 +37,27 @@ bench: zip ## Measure the spectral solver, the skin, its frames and retargeted w
 lint: wheel ## Run the formatters' checks, the linters and the type checker alone
 	@$(VENV_PYTHON) scripts/run_tests.py lint
 
-format: environment ## Format all Rust and Python code
+format: environment ## Format all Rust and Python code, and renew docs/api.md
 	cargo fmt --all
 	$(VENV_PYTHON) -m ruff check --fix
 	$(VENV_PYTHON) -m ruff format
+	$(VENV_PYTHON) scripts/api_page.py
 
 wheel: environment ## Build the Python module of the Rust core into dist/ and install it into .venv
 	@$(VENV_PYTHON) scripts/build_wheel.py
 
 zip: wheel ## Build the Blender extension into dist/
 	@$(VENV_PYTHON) scripts/build_zip.py
+
+package: environment ## Build zips for Linux, Windows and macOS (PLATFORMS="linux-x64 ..." for some) into dist/package/
+	@$(VENV_PYTHON) scripts/package.py $(PLATFORMS)
+
+install-test: zip ## Install, use, upgrade, disable and remove the zip in Blender 4.2, 4.5, 5.0 and 5.2
+	@$(VENV_PYTHON) scripts/install_matrix.py
+
+window-test: zip ## A session in a real Blender window on a virtual screen, with pictures (BLENDER=/path/to/blender)
+	@test -f demo/demo.blend || $(VENV_PYTHON) demo/run.py --no-render
+	@$(VENV_PYTHON) scripts/window_test.py $(if $(BLENDER),--blender "$(BLENDER)")
 
 environment: ## Make .venv with everything that the other targets need (they call this themselves)
 	@"$(PYTHON)" scripts/setup_environment.py

@@ -6,11 +6,9 @@ Prints a table and writes `bench/bake.json`. Needs the built extension:
 """
 
 import json
-import os
 import sys
 import tempfile
 import time
-import traceback
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -146,15 +144,4 @@ def main():
 
 
 if __name__ == "__main__":
-    status = 1
-    try:
-        main()
-        status = 0
-    finally:
-        if status:
-            traceback.print_exc()
-        extension.PROFILE.cleanup()
-        sys.stdout.flush()
-        sys.stderr.flush()
-        # Blender as a module may hang at its own exit while an add-on is enabled.
-        os._exit(status)
+    extension.run(main)

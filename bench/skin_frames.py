@@ -4,7 +4,7 @@ All variants play the same motion of eleven joints in turns, so that other work 
 disturbs them alike. Prints medians and their ratios to the plain Armature modifier and writes
 `bench/skin_frames.json`. Needs the built extension:
 
-    python bench/skin_frames.py [--rounds N]
+    python bench/skin_frames.py [--rounds N] [--vertices N]
 """
 
 import argparse
@@ -38,9 +38,11 @@ MOTION = {
 }  # fmt: skip
 
 
-def animated_body():
-    """A MakeHuman body whose joints swing there and back twice."""
+def animated_body(vertex_count):
+    """A MakeHuman body of about so many vertices, None for its own, whose joints swing there and back twice."""
     character = makehuman.body("Body", **makehuman.YOUNG_MALE)
+    if vertex_count is not None:
+        character = makehuman.decimated(makehuman.subdivided(character), 2 * vertex_count)
     rig = scene.add_armature(character)
     ob = scene.add_mesh(character, "Source clay")
     scene.attach(ob, rig)
@@ -77,20 +79,20 @@ def choose(ob, rig, variant):
 
 
 def play():
-    """Milliseconds of each frame."""
+    """Milliseconds of each frame: wall time, and processor time of all threads."""
     bpy.context.scene.frame_set(1)
     times = []
     for frame in range(2, FRAMES + 1):
-        began = time.perf_counter()
+        began = np.array([time.perf_counter(), time.process_time()])
         bpy.context.scene.frame_set(frame)
-        times.append(1000 * (time.perf_counter() - began))
+        times.append(1000 * (np.array([time.perf_counter(), time.process_time()]) - began))
     return times
 
 
-def main(rounds):
+def main(rounds, vertex_count):
     """Measure, print, write."""
     extension.install(extension.built_zip())
-    ob, rig = animated_body()
+    ob, rig = animated_body(vertex_count)
     times = {variant: [] for variant in VARIANTS}
     enabling = []
     for _ in range(rounds):
@@ -98,11 +100,18 @@ def main(rounds):
             seconds = choose(ob, rig, variant)
             enabling += [] if seconds is None else [seconds]
             times[variant] += play()
-    medians = {variant: float(np.median(values)) for variant, values in times.items()}
+    medians = {variant: float(np.median(values, axis=0)[0]) for variant, values in times.items()}
+    processor = {variant: float(np.median(values, axis=0)[1]) for variant, values in times.items()}
     bound = 3 * medians[PLAIN] + 6
     print(f"One frame in Blender, {len(ob.data.vertices)} vertices, {len(MOTION)} joints moving (median of {rounds})")
     for variant, median in medians.items():
-        print(f"  {variant:<32} {median:6.2f} ms   {median / medians[PLAIN]:5.1f} times the plain modifier")
+        print(
+            f"  {variant:<32} {median:6.2f} ms   {median / medians[PLAIN]:5.1f} times the plain modifier"
+            f"   processor {processor[variant]:6.2f} ms"
+        )
+    peer = "Corrective Smooth, 5 iterations"
+    ratios = [found[SKIN] / found[peer] for found in (medians, processor)]
+    print(f"  Dermis over Corrective Smooth with 5 iterations: {ratios[0]:.2f}, by processor time {ratios[1]:.2f}")
     print(f"  three times the plain modifier and 6 ms: {bound:.2f} ms; enabling the skin: {max(enabling):.2f} s")
     report = {
         "machine": platform.processor() or platform.machine(),
@@ -110,14 +119,18 @@ def main(rounds):
         "vertices": len(ob.data.vertices),
         "frames": rounds * (FRAMES - 1),
         "milliseconds": {variant: round(median, 3) for variant, median in medians.items()},
+        "processor_milliseconds": {variant: round(median, 3) for variant, median in processor.items()},
+        "dermis_over_corrective_smooth": [round(ratio, 3) for ratio in ratios],
         "bound_milliseconds": round(bound, 3),
         "enabling_seconds": round(max(enabling), 3),
     }
-    (ROOT / "bench" / "skin_frames.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    name = "skin_frames.json" if vertex_count is None else f"skin_frames_{vertex_count}.json"
+    (ROOT / "bench" / name).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=5, help="how often each variant is played")
+    parser.add_argument("--vertices", type=int, help="about so many vertices, at most four times those of the body")
     arguments = parser.parse_args()
-    extension.run(lambda: main(arguments.rounds))
+    extension.run(lambda: main(arguments.rounds, arguments.vertices))

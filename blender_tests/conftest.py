@@ -5,7 +5,6 @@ The tests see what a user sees: the extension in Blender's own folder, its nativ
 wheel in the zip, real operators.
 """
 
-import importlib.machinery
 import os
 import shutil
 import sys
@@ -16,24 +15,11 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 
 from scratch_profile import MODULE, PROFILE  # isort: skip  (before bpy)
+from profile_modules import OnlyFromTheProfile  # isort: skip
 
 import bpy
 
 DIST = Path(__file__).resolve().parent.parent / "dist"
-
-
-class OnlyFromTheProfile:
-    """Finds the native module in the profile alone, not where the environment may have it too."""
-
-    @staticmethod
-    def find_spec(name, _path=None, _target=None):
-        if name != "dermis_native":
-            return None
-        inside = [folder for folder in sys.path if folder.startswith(PROFILE)]
-        spec = importlib.machinery.PathFinder.find_spec(name, inside)
-        if spec is None:
-            raise ModuleNotFoundError(f"No module named {name!r} in the profile", name=name)
-        return spec
 
 
 def extension_zip() -> Path:

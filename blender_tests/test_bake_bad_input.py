@@ -3,7 +3,6 @@
 
 import os
 import sys
-from types import SimpleNamespace
 
 import bakes as b
 import bpy
@@ -11,7 +10,7 @@ import characters as c
 import pytest
 import skins as s
 from scratch_profile import MODULE
-from test_modal import Context, event, stand_in_for
+from windows import Context, event, in_window, stand_in_for, until_ended
 
 
 def refuses(rig, ob, message, **options):
@@ -93,10 +92,7 @@ def test_a_failure_half_way_leaves_the_old_cache(tmp_path, monkeypatch):
 
 @pytest.fixture
 def windowed(monkeypatch, tmp_path):
-    for name in ("modal_job", "bake_operator"):
-        module = sys.modules[f"{MODULE}.ui.{name}"]
-        monkeypatch.setattr(module, "bpy", SimpleNamespace(app=SimpleNamespace(background=False), context=bpy.context))
-    monkeypatch.setattr(sys.modules[f"{MODULE}.ui.modal_job"], "PATIENCE_SECONDS", 0.0)
+    in_window(monkeypatch)
     monkeypatch.setattr(sys.modules[f"{MODULE}.ui.bake_operator"], "fill_from_scene", lambda *_: None)
     monkeypatch.setattr(sys.modules[f"{MODULE}.blender.sampled_task"], "POLL_SECONDS", 0.0)
     ob, rig = b.animated_limb()
@@ -106,21 +102,12 @@ def windowed(monkeypatch, tmp_path):
     return ob, stand_in_for("bake")
 
 
-def ended(operator, context):
-    for _ in range(2000):
-        status = operator.modal(context, event("TIMER"))
-        if status != {"RUNNING_MODAL"}:
-            return status
-        operator._running.task.wait(0.01)
-    raise AssertionError("the modal operator does not end")
-
-
 def test_modal_bake(windowed, tmp_path):
     ob, operator = windowed
     context = Context()
     assert operator.invoke(context, None) == {"RUNNING_MODAL"}
     assert context.status.startswith("Baking: reading poses")
-    assert ended(operator, context) == {"FINISHED"}
+    assert until_ended(operator, context) == {"FINISHED"}
     assert ob.dermis_skin.baked == "CACHE"
     assert bpy.context.scene.frame_current == 5
     assert (tmp_path / "shot_Limb.pc2").exists()
@@ -138,8 +125,8 @@ def test_escape_leaves_nothing(windowed, tmp_path, steps):
         task = sys.modules[f"{MODULE}.core.bake_task"].CacheTask
         original = task._write
 
-        def held(self, order, layout, beside):
-            original(self, order, layout, beside)
+        def held(self, *arguments):
+            original(self, *arguments)
             while not self._cancelled:
                 pass
 
@@ -187,6 +174,6 @@ def test_mesh_removed_meanwhile(windowed):
     context = Context()
     operator.invoke(context, None)
     bpy.data.objects.remove(ob)
-    assert ended(operator, context) == {"CANCELLED"}
+    assert until_ended(operator, context) == {"CANCELLED"}
     assert operator.reports[0][0] == "ERROR"
     assert "removed" in operator.reports[0][1]

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import bakes as b
 import bpy
 import characters as c
+from layouts import draw
 from scratch_profile import MODULE
-from test_extension import draw
 
 BUTTONS = [
     "dermis.bake", "dermis.bake_join", "dermis.bake_driven_keys", "dermis.bake_weights", "dermis.bake_shape_key",

@@ -215,7 +215,7 @@ def test_every_option_is_the_operators_own():
             option.check(option.default, name)
     assert {"max_influences", "subset", "mix_factor"} <= set(known["retarget"])
     assert set(known["bake"]) == {
-        "directory", "file_format", "use_scene_range", "frame_start", "frame_end", "samples_per_frame", "play"
+        "directory", "file_format", "use_scene_range", "frame_start", "frame_end", "samples_per_frame", "play", "dask"
     }  # fmt: skip
     assert not {"enabled", "baked", "object_matrix"} & set(known["skin"])
 

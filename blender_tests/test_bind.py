@@ -3,8 +3,6 @@
 
 import itertools
 import sys
-import threading
-from types import SimpleNamespace
 
 import bpy
 import characters as c
@@ -13,7 +11,7 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 from scratch_profile import MODULE
-from test_modal import Context, event, stand_in_for, until_ended
+from windows import Context, event, held, in_window, stand_in_for, until_ended
 
 NAMES = ("lower", "middle", "upper")
 
@@ -301,21 +299,8 @@ def test_nearer_to_the_artist_than_blenders_bone_heat(name):
 @pytest.fixture
 def gate(monkeypatch):
     """A bind that waits until it is let through or cancelled."""
-    module = sys.modules[f"{MODULE}.core.bind"]
-    original, opened = module.bind_weights, threading.Event()
-
-    def waiting(*arguments, progress, **options):
-        while not opened.wait(0.005):
-            if progress.cancelled:
-                raise module.Cancelled("cancelled")
-        return original(*arguments, progress=progress, **options)
-
-    monkeypatch.setattr(module, "bind_weights", waiting)
-    modal = sys.modules[f"{MODULE}.ui.modal_job"]
-    monkeypatch.setattr(modal, "PATIENCE_SECONDS", 0.0)
-    monkeypatch.setattr(modal, "bpy", SimpleNamespace(app=SimpleNamespace(background=False)))
-    yield opened
-    opened.set()
+    in_window(monkeypatch)
+    yield from held(monkeypatch, "bind", "bind_weights")
 
 
 def test_in_a_window(gate):

@@ -7,7 +7,7 @@ import fits
 import numpy as np
 import pytest
 from odd_bodies import ODD_BODIES
-from test_modal import stand_in_for
+from windows import stand_in_for
 
 
 def bound(ob, rig):

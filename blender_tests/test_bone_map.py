@@ -5,7 +5,7 @@ import bpy
 import characters as c
 import numpy as np
 import pytest
-from test_extension import Layout, draw
+from layouts import Layout, draw
 
 NAMES = ("lower", "middle", "upper")
 OTHER = {"lower": "root", "middle": "belly", "upper": "crown"}
@@ -204,11 +204,11 @@ def test_panel():
     drawn = []
     kind = bpy.types.DERMIS_UL_bone_map
     kind.draw_item(None, bpy.context, Layout(drawn), kept, kept.bone_map[0], 0, kept, "", 0, 0)
-    assert drawn == ["lower", "target", "by name"]
+    assert drawn == ["lower", "target", "CHECKMARK"]
     kept.bone_map[0].target = ""
     drawn.clear()
     kind.draw_item(None, bpy.context, Layout(drawn), kept, kept.bone_map[0], 0, kept, "", 0, 0)
-    assert drawn == ["lower", "target", "to its ancestor"]
+    assert drawn == ["lower", "target", "TRIA_UP"]
     c.activate(source, target, own)
     bpy.data.objects.remove(bpy.data.objects["SourceRig"])
     assert any(text.startswith("This list belongs to") for text in draw("DERMIS_PT_bone_map"))

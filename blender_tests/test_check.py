@@ -9,8 +9,8 @@ import bpy
 import characters as c
 import numpy as np
 import pytest
+from layouts import draw
 from scratch_profile import MODULE
-from test_extension import draw
 
 
 def check(*objects, **options):

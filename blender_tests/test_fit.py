@@ -9,10 +9,10 @@ import characters as c
 import fits
 import numpy as np
 import pytest
+from layouts import draw
 from mathutils import Euler, Matrix, Vector
 from scratch_profile import MODULE
-from test_extension import draw
-from test_modal import stand_in_for
+from windows import stand_in_for
 
 
 @pytest.fixture

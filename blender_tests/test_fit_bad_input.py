@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from odd_bodies import ODD_BODIES
 from scratch_profile import MODULE
-from test_modal import stand_in_for
+from windows import stand_in_for
 
 
 @pytest.fixture

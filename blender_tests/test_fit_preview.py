@@ -3,7 +3,6 @@
 
 import sys
 import threading
-from types import SimpleNamespace
 
 import bpy
 import characters as c
@@ -11,7 +10,7 @@ import fits
 import numpy as np
 import pytest
 from scratch_profile import MODULE
-from test_modal import Context, event, stand_in_for, until_ended
+from windows import Context, event, held, in_window, stand_in_for, until_ended
 
 
 @pytest.fixture
@@ -22,21 +21,8 @@ def body():
 @pytest.fixture
 def gate(monkeypatch):
     """A fit that waits until it is let through or cancelled."""
-    module = sys.modules[f"{MODULE}.core.fit"]
-    original, opened = module.fit_skeleton, threading.Event()
-
-    def waiting(*arguments, progress, **options):
-        while not opened.wait(0.005):
-            if progress.cancelled:
-                raise module.Cancelled("cancelled")
-        return original(*arguments, progress=progress, **options)
-
-    monkeypatch.setattr(module, "fit_skeleton", waiting)
-    modal = sys.modules[f"{MODULE}.ui.modal_job"]
-    monkeypatch.setattr(modal, "PATIENCE_SECONDS", 0.0)
-    monkeypatch.setattr(modal, "bpy", SimpleNamespace(app=SimpleNamespace(background=False)))
-    yield opened
-    opened.set()
+    in_window(monkeypatch)
+    yield from held(monkeypatch, "fit", "fit_skeleton")
     assert overlays() == []
 
 

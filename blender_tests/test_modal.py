@@ -11,57 +11,7 @@ import bpy
 import characters as c
 import pytest
 from scratch_profile import MODULE
-
-
-class Manager:
-    """Stands in for the window manager of a window, which a module has not."""
-
-    def __init__(self):
-        self.timers, self.handlers, self.progress = [], [], []
-
-    def event_timer_add(self, _seconds, window):
-        self.timers.append(window)
-        return window
-
-    def event_timer_remove(self, timer):
-        self.timers.remove(timer)
-
-    def modal_handler_add(self, operator):
-        self.handlers.append(operator)
-
-    def progress_begin(self, *_):
-        self.progress.append("begin")
-
-    def progress_update(self, value):
-        self.progress.append(value)
-
-    def progress_end(self):
-        self.progress.append("end")
-
-
-class Context:
-    """The real context with a window."""
-
-    def __init__(self):
-        self.window, self.window_manager, self.status = "window", Manager(), "unset"
-        self.workspace = SimpleNamespace(status_text_set=lambda text: setattr(self, "status", text))
-
-    def __getattr__(self, name):
-        return getattr(bpy.context, name)
-
-
-def stand_in_for(name):
-    """An operator's Python half, with the default of each option."""
-    original = getattr(bpy.types, f"DERMIS_OT_{name}")
-    properties = getattr(bpy.ops.dermis, name).get_rna_type().properties
-    values = {p.identifier: p.default for p in properties if p.identifier != "rna_type"}
-    methods = {}
-    for base in reversed([base for base in original.__mro__ if base.__module__.startswith(MODULE)]):
-        methods |= {name: value for name, value in vars(base).items() if callable(value)}
-    stand_in = type("StandIn", (), {**methods, "bl_idname": original.bl_idname, "doing": original.doing})()
-    vars(stand_in).update(values, reports=[])
-    stand_in.report = lambda kind, text: stand_in.reports.append((*kind, text))
-    return stand_in
+from windows import Context, event, held, in_window, stand_in_for, until_ended
 
 
 @pytest.fixture
@@ -72,39 +22,12 @@ def operator():
 @pytest.fixture
 def gate(monkeypatch):
     """Retargeting that waits until it is let through or cancelled."""
-    module = sys.modules[f"{MODULE}.core.task"]
-    original, opened = module.find_weights, threading.Event()
-
-    def waiting(source, target, settings, progress):
-        while not opened.wait(0.005):
-            if progress.cancelled:
-                raise module.Cancelled("cancelled")
-        return original(source, target, settings, progress)
-
-    monkeypatch.setattr(module, "find_weights", waiting)
-    monkeypatch.setattr(sys.modules[f"{MODULE}.ui.modal_job"], "PATIENCE_SECONDS", 0.0)
-    yield opened
-    opened.set()
-
-
-def event(kind, value="NOTHING"):
-    return SimpleNamespace(type=kind, value=value)
-
-
-def until_ended(operator, context):
-    for _ in range(1000):
-        status = operator.modal(context, event("TIMER"))
-        if status != {"RUNNING_MODAL"}:
-            return status
-        operator._running.task.wait(0.01)
-    raise AssertionError("the modal operator does not end")
+    yield from held(monkeypatch, "task", "find_weights")
 
 
 @pytest.fixture
 def scene(monkeypatch):
-    monkeypatch.setattr(
-        sys.modules[f"{MODULE}.ui.modal_job"], "bpy", SimpleNamespace(app=SimpleNamespace(background=False))
-    )
+    in_window(monkeypatch)
     source, _ = c.source_tube()
     target = c.target_tube()
     c.activate(source, target)

@@ -5,11 +5,13 @@ import bpy
 import characters as c
 import pytest
 import skins as s
-from test_extension import draw
+from layouts import draw
 
 
 def test_without_anything():
-    assert draw("DERMIS_PT_skin") == ["dermis.skin_enable"]
+    *reason, button = draw("DERMIS_PT_skin")
+    assert " ".join(reason) == "Make an armature active, or select its meshes."
+    assert button == "dermis.skin_enable"
     assert not bpy.types.DERMIS_PT_skin_settings.poll(bpy.context)
 
 

@@ -10,6 +10,7 @@ import fits
 import makehuman
 import numpy as np
 import pytest
+from mathutils import Matrix
 
 # A pose of each metarig: turns about the bone's own X axis in degrees.
 POSES = {
@@ -82,14 +83,14 @@ def assert_moves(rest, plain, corrected, edges):
 
 
 def assert_in_place(ob, rig, kind):
-    """Joints of the trunk and the limbs are inside the body, or nearly so at its base; left ones on the left."""
-    near = 0.02 * max(ob.dimensions)
+    """Joints of the trunk are inside the body, those of limbs too or nearly so; left ones are on the left.
+
+    Paws and ankles are as thin as a few voxels of the fit, so a joint in them may miss the surface by a voxel.
+    """
+    near = {"spine": 0.0} | dict.fromkeys(LIMBS[kind], 0.02 * max(ob.dimensions))
     heads = {name: points[0] for name, points in fits.joints(rig).items()}
-    outside = [
-        name
-        for name, point in heads.items()
-        if name.split(".")[0] in (*LIMBS[kind], "spine") and not fits.inside(ob, point, near)
-    ]
+    stems = {name: name.split(".")[0] for name in heads}
+    outside = [name for name, stem in stems.items() if stem in near and not fits.inside(ob, heads[name], near[stem])]
     assert outside == []
     for limb in LIMBS[kind]:
         assert heads[f"{limb}.L"][0] > 0 > heads[f"{limb}.R"][0], limb
@@ -112,11 +113,14 @@ def test_a_bare_body(metarig, kind, name):
         ("smpl_man", "human"),
         ("cesium_man", "basic_human"),
         ("spot", "basic_quadruped"),
+        ("cat", "basic_quadruped"),
         ("quat_wolf", "basic_quadruped"),
     ],
 )
 def test_bodies_of_others(metarig, name, kind):
     ob = fits.shared_body(name)
+    if name == "cat":  # its file faces -X, metarigs face -Y
+        ob.data.transform(Matrix.Rotation(math.radians(90), 4, "Z"))
     rig = metarig(kind)
     assert_moves(*three_clicks(ob, rig, kind))
     assert_in_place(ob, rig, kind)

@@ -9,9 +9,6 @@ it takes poses. Writes demo/fit.png and demo/fit.blend; `--docs` also renews the
 from __future__ import annotations
 
 import argparse
-import os
-import sys
-import traceback
 from pathlib import Path
 
 import extension  # before bpy, which looks for its profile when it starts
@@ -241,15 +238,4 @@ if __name__ == "__main__":
     parser.add_argument("--no-render", action="store_true", help="leave out the pictures")
     parser.add_argument("--docs", action="store_true", help="renew the picture in the README")
     chosen = parser.parse_args()
-    status = 1
-    try:
-        main(chosen)
-        status = 0
-    finally:
-        if status:
-            traceback.print_exc()
-        extension.PROFILE.cleanup()
-        sys.stdout.flush()
-        sys.stderr.flush()
-        # Blender as a module may hang at its own exit while an add-on is enabled.
-        os._exit(status)
+    extension.run(lambda: main(chosen))

@@ -124,6 +124,28 @@ def permuted(character: Character, seed: int = 0) -> Character:
     )
 
 
+def cut_in_four(triangles: Integers, vertex_count: int) -> tuple[Integers, Integers]:
+    """Every triangle cut at the middles of its edges: the edges (E,2) whose middles follow the vertices, triangles."""
+    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    edges, middle = np.unique(sides, axis=0, return_inverse=True)
+    ab, bc, ca = middle.reshape(3, -1) + vertex_count
+    a, b, c = triangles.T
+    corners = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+    return edges, np.concatenate([np.stack(triangle, 1) for triangle in corners])
+
+
+def subdivided(character: Character) -> Character:
+    """The same surface in triangles of half the size; weights are those half way along the edges."""
+    edges, triangles = cut_in_four(character.triangles, len(character.vertices))
+    return replace(
+        character,
+        vertices=np.concatenate([character.vertices, character.vertices[edges].mean(axis=1)]),
+        loop_counts=np.full(len(triangles), 3, dtype=np.int64),
+        loop_indices=triangles.ravel(),
+        weights=np.concatenate([character.weights, character.weights[edges].mean(axis=1)]),
+    )
+
+
 def decimated(character: Character, triangle_count: int) -> Character:
     """The same body with about `triangle_count` triangles (quadric edge collapse).
 

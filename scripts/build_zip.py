@@ -110,8 +110,8 @@ def blender_extension_tool() -> Path:
     return found[-1]
 
 
-def build(target: Path, version: str, wheel_paths: list[Path]) -> None:
-    """Stage, pack, validate, check, and only then replace `target`."""
+def pack(target: Path, wheel_paths: list[Path]) -> None:
+    """Stage the add-on with some wheels, pack it into `target`, and let Blender validate it."""
     tool = [str(VENV_PYTHON), str(blender_extension_tool())]
     with tempfile.TemporaryDirectory(dir=DIST) as folder:
         stage = Path(folder) / "dermis"
@@ -122,9 +122,15 @@ def build(target: Path, version: str, wheel_paths: list[Path]) -> None:
         manifest = stage / MANIFEST
         names = [wheel.name for wheel in wheel_paths]
         manifest.write_text(with_wheels(manifest.read_text(encoding="utf-8"), names), encoding="utf-8")
+        run([*tool, "build", "--source-dir", str(stage), "--output-filepath", str(target)])
+        run([*tool, "validate", str(target)])
+
+
+def build(target: Path, version: str, wheel_paths: list[Path]) -> None:
+    """Pack and check, and only then replace `target`."""
+    with tempfile.TemporaryDirectory(dir=DIST) as folder:
         packed = Path(folder) / target.name
-        run([*tool, "build", "--source-dir", str(stage), "--output-filepath", str(packed)])
-        run([*tool, "validate", str(packed)])
+        pack(packed, wheel_paths)
         check_zip(packed, version)
         for old in DIST.glob("dermis-*.zip"):
             old.unlink()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One bind from the scene and back into it: read, work in a thread, write."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from time import perf_counter
 
 import bpy
@@ -35,10 +35,6 @@ class BindJob:
         scope.check(objects)
         self._targets = [read_bind_target(ob, armature, depsgraph, evaluated, scope) for ob in objects]
         self.task = BindTask(self._targets, settings)
-
-    def run(self, show_progress: Callable[[float], None]) -> None:
-        """Work to the end; the thread that calls stays able to be interrupted."""
-        self.task.run(show_progress)
 
     def finish(self) -> tuple[str, list[str]]:
         """Write the results; the line to report and notes on what was left out."""

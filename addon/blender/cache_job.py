@@ -2,7 +2,7 @@
 """One bake of point caches: read the poses, write the files, let modifiers play them."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -32,9 +32,11 @@ class CacheJob:
         kind: CacheFormat,
         *,
         play: bool = True,
+        scheduler: str = "",
     ) -> None:
         depsgraph = bpy.context.evaluated_depsgraph_get()
         self._scene, self._frames, self._kind, self._play = scene, frames, kind, play
+        self._scheduler = scheduler.strip()
         self._fps = scene.render.fps / scene.render.fps_base
         for ob in objects:
             check_own(ob)
@@ -52,11 +54,7 @@ class CacheJob:
             CacheOrder(Path(bpy.path.abspath(filepath)), source.frames(), source.samples)
             for filepath, source in zip(self._filepaths, self._sources, strict=True)
         ]
-        return CacheTask(orders, self._frames, self._kind, self._fps)
-
-    def run(self, show_progress: Callable[[float], None]) -> None:
-        """Work to the end."""
-        self.task.run(show_progress)
+        return CacheTask(orders, self._frames, self._kind, self._fps, self._scheduler)
 
     def finish(self) -> str:
         """Let modifiers play the files in the place of the live skins; one line about them."""

@@ -2,7 +2,7 @@
 """A check of weights from the scene: read, look in a thread, keep the reports."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import bpy
 
@@ -36,10 +36,6 @@ class CheckJob:
         job.objects = retargeting.objects
         job.task = RetargetCheckTask(retargeting.source, retargeting.targets, retargeting.task, settings)
         return job
-
-    def run(self, show_progress: Callable[[float], None]) -> None:
-        """Work to the end; the thread that calls stays able to be interrupted."""
-        self.task.run(show_progress)
 
     def finish(self) -> list[CheckReport]:
         """Keep the reports for the panel and for selecting."""

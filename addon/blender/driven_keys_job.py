@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One bake of pose-driven corrective keys: read poses and joints, choose in a thread, write."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 
@@ -111,10 +111,6 @@ class DrivenKeysJob:
             for read in self._reads
         ]
         return DrivenKeysTask(orders, settings.kept, settings.most_keys)
-
-    def run(self, show_progress: Callable[[float], None]) -> None:
-        """Work to the end."""
-        self.task.run(show_progress)
 
     def finish(self) -> str:
         """Add the keys and switch the live skins off; one line about them."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One fit from the scene and back into it: read, work in a thread, move the rest bones."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -12,8 +12,9 @@ from ..core.character import Bones
 from ..core.errors import InputError, counted, listed
 from ..core.fit import FitTask, FittedBones, Template, fit_line, fit_notes
 from .body import read_body
-from .rest_bones import RestBones, check_movable, edit_bones, move_rest, read_rest
+from .rest_bones import RestBones, edit_bones, move_rest, read_rest
 from .scope import marked_bones
+from .target_checks import check_writable
 from .transform import to_world, world_matrix
 
 # A bone whose matrix differs from rest by more than this is posed, or held by constraints.
@@ -49,17 +50,13 @@ class FitJob:
         self._seconds: float | None = None
         self._armature = armature
         self._held = _held_bones(armature, depsgraph)
-        check_movable(armature)
+        check_writable(armature, "armature data", "rest bones")
         with edit_bones(armature) as bones:
             self._rest = read_rest(bones)
         self.template = read_template(armature, self._rest, options)
         self.template.check()
         self._body = read_body(objects, armature, depsgraph, options.evaluated)
         self.task = FitTask(self.template, self._body, options.symmetric)
-
-    def run(self, show_progress: Callable[[float], None]) -> None:
-        """Work to the end; the thread that calls stays able to be interrupted."""
-        self.task.run(show_progress)
 
     def fitted(self) -> FittedBones:
         """The result, once the work has ended; raises what it raised."""
@@ -71,7 +68,7 @@ class FitJob:
         """Move the bones; the line to report and notes on what to look at."""
         fitted = self.fitted()
         try:
-            check_movable(self._armature)
+            check_writable(self._armature, "armature data", "rest bones")
             inverse = np.linalg.inv(world_matrix(self._armature))
             heads, tails = (points @ inverse[:3, :3].T + inverse[:3, 3] for points in (fitted.heads, fitted.tails))
             with edit_bones(self._armature) as bones:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One refit of weights to live skins: read, fit in a thread, write."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 
 import bpy
@@ -58,10 +58,6 @@ class RefitJob:
                 )
             )
         return RefitTask(orders, self._limit)
-
-    def run(self, show_progress: Callable[[float], None]) -> None:
-        """Work to the end."""
-        self.task.run(show_progress)
 
     def finish(self) -> str:
         """Write the weights and switch the live skins off; one line about them."""

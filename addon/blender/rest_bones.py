@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from ..core.errors import InputError, listed
+from ..core.errors import InputError
 from ..core.fit import check_lengths
 from ..core.roll import turned_axes
 
@@ -39,27 +39,6 @@ class RestBones:
         """Whether both have the same bones at the same places."""
         return self.names == other.names and all(
             np.array_equal(getattr(self, each), getattr(other, each)) for each in ("heads", "tails", "axes", "parents")
-        )
-
-
-def check_movable(armature: bpy.types.Object) -> None:
-    """Raise InputError where the rest bones of an armature cannot be changed, or belong to others too."""
-    for owner, what in ((armature, "object"), (armature.data, "armature data")):
-        if owner.library is not None:
-            raise InputError(
-                f"The {what} '{owner.name}' is linked from '{owner.library.filepath}' and cannot be changed: "
-                "use Object > Relations > Make Local first."
-            )
-        if owner.override_library is not None:
-            raise InputError(
-                f"The {what} '{owner.name}' is a library override, whose rest bones cannot be changed: "
-                "use Object > Library Override > Clear or Make Local first."
-            )
-    users = [other.name for other in bpy.data.objects if other.data == armature.data]
-    if len(users) > 1:
-        raise InputError(
-            f"The armature data '{armature.data.name}' is used by {listed(users)}, which would all change: "
-            "use Object > Relations > Make Single User > Object & Data first."
         )
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One retargeting from the scene and back into it: read, work in a thread, write."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -50,10 +50,6 @@ class RetargetJob:
             for ob, choice in zip(objects, choices, strict=True)
         ]
         self.task = RetargetTask(self.source, self.targets, settings)
-
-    def run(self, show_progress: Callable[[float], None]) -> None:
-        """Work to the end; the thread that calls stays able to be interrupted."""
-        self.task.run(show_progress)
 
     def finish(self) -> tuple[str, list[str]]:
         """Write the results; the line to report and notes on what was left out."""

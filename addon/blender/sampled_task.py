@@ -6,15 +6,15 @@ from typing import Any
 
 from dermis_native import Cancelled
 
-from ..core.background import POLL_SECONDS, BackgroundTask
+from ..core.background import POLL_SECONDS, BackgroundTask, Watched
 from .frame_walk import FrameWalk
 
 # Share of the progress that reading takes.
 READING = 0.3
 
 
-class SampledTask:
-    """Watched like a `BackgroundTask`, but `wait` is what reads, so call it in Blender's thread."""
+class SampledTask(Watched[Any]):
+    """`wait` is what reads, so call it in Blender's thread."""
 
     def __init__(self, walk: FrameWalk, follow: Callable[[], BackgroundTask[Any]]) -> None:
         self._walk = walk
@@ -64,15 +64,6 @@ class SampledTask:
         self.cancel()
         if self._task is not None:
             self._task.abandon()
-
-    def run(self, show_progress: Callable[[float], None]) -> None:
-        """Work to the end; the thread that calls stays able to be interrupted."""
-        try:
-            while not self.wait(POLL_SECONDS):
-                show_progress(self.fraction)
-        except BaseException:
-            self.cancel()
-            raise
 
     def result(self) -> Any:
         """What the second step gave; raises what went wrong in either."""

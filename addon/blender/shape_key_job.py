@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Corrections of chosen poses as shape keys: read, solve, write."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import bpy
 
@@ -49,10 +49,6 @@ class ShapeKeyJob:
 
     def _solve(self) -> OffsetsTask:
         return OffsetsTask([(source.frames(), source.samples) for source in self._sources])
-
-    def run(self, show_progress: Callable[[float], None]) -> None:
-        """Work to the end."""
-        self.task.run(show_progress)
 
     def finish(self) -> str:
         """Add the keys; one line about them."""

@@ -24,7 +24,51 @@ Result = TypeVar("Result")
 _running: dict[threading.Thread, Callable[[], None]] = {}
 
 
-class BackgroundTask(ABC, Generic[Result]):
+class Watched(ABC, Generic[Result]):
+    """Long work as whoever waits for it sees it."""
+
+    @property
+    @abstractmethod
+    def fraction(self) -> float:
+        """Share of the work done, 0 to 1."""
+
+    @property
+    @abstractmethod
+    def stage(self) -> str:
+        """What is being done now, for a status bar."""
+
+    @abstractmethod
+    def start(self) -> None:
+        """Begin; call once."""
+
+    @abstractmethod
+    def wait(self, seconds: float) -> bool:
+        """Wait at most about so long; true when the work has ended."""
+
+    @abstractmethod
+    def cancel(self) -> None:
+        """Ask the work to stop soon; `result` then raises `dermis_native.Cancelled`."""
+
+    @abstractmethod
+    def abandon(self) -> None:
+        """Leave the work to end by itself: it is asked to stop, and what it gives is dropped."""
+
+    @abstractmethod
+    def result(self) -> Result:
+        """What the work gave, after it has ended; raises what it raised, or that it was abandoned."""
+
+    def run(self, show_progress: Callable[[float], None]) -> None:
+        """Work to the end; the thread that calls stays able to be interrupted."""
+        self.start()
+        try:
+            while not self.wait(POLL_SECONDS):
+                show_progress(self.fraction)
+        except BaseException:
+            self.cancel()
+            raise
+
+
+class BackgroundTask(Watched[Result]):
     """Subclasses do the work in `work`, which touches nothing but arrays, and say how far it is."""
 
     def __init__(self, name: str) -> None:
@@ -37,15 +81,6 @@ class BackgroundTask(ABC, Generic[Result]):
     @abstractmethod
     def work(self) -> Result:
         """Do the work in the thread that calls."""
-
-    @property
-    @abstractmethod
-    def fraction(self) -> float:
-        """Share of the work done, 0 to 1."""
-
-    @abstractmethod
-    def cancel(self) -> None:
-        """Ask the thread to stop soon; `result` then raises `dermis_native.Cancelled`."""
 
     def start(self) -> None:
         """Begin; call once."""
@@ -65,16 +100,6 @@ class BackgroundTask(ABC, Generic[Result]):
         """Wait at most so long; true when the thread has ended."""
         self._thread.join(seconds)
         return not self._thread.is_alive()
-
-    def run(self, show_progress: Callable[[float], None]) -> None:
-        """Work to the end; the thread that calls stays able to be interrupted."""
-        self.start()
-        try:
-            while not self.wait(POLL_SECONDS):
-                show_progress(self.fraction)
-        except BaseException:
-            self.cancel()
-            raise
 
     def result(self) -> Result:
         """What `work` gave, after the thread has ended; raises what it raised, or that it was abandoned."""

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from dermis_native import Cancelled
 
 from .background import BackgroundTask
 from .character import BoneWeights, Source, Target
@@ -15,36 +14,20 @@ from .check import Checked, CheckReport, CheckSettings, check
 from .check_seams import open_seams
 from .report import mapping_line, retarget_notes
 from .retarget import FILLED, TargetWeights
+from .stepped_task import SteppedTask
 from .task import RetargetTask
 
 # Share of the work that a retargeting takes where there is one.
 RETARGET_SHARE = 0.7
 
 
-class CheckTask(BackgroundTask[list[CheckReport]]):
+class CheckTask(SteppedTask[list[CheckReport]]):
     """Checks meshes one after the other."""
 
     def __init__(self, checked: Sequence[Checked], settings: CheckSettings) -> None:
         super().__init__("dermis-check")
         self._checked = list(checked)
         self._settings = settings
-        self._fraction = 0.0
-        self._stage = ""
-        self._cancelled = False
-
-    def cancel(self) -> None:
-        """Ask the thread to stop soon."""
-        self._cancelled = True
-
-    @property
-    def fraction(self) -> float:
-        """Share of the work done, 0 to 1."""
-        return self._fraction
-
-    @property
-    def stage(self) -> str:
-        """What is being done now."""
-        return self._stage
 
     def work(self) -> list[CheckReport]:
         """One report for each mesh."""
@@ -60,9 +43,7 @@ class CheckTask(BackgroundTask[list[CheckReport]]):
             self._stage = each.name
 
             def step(share: float, done: int = index) -> None:
-                if self._cancelled:
-                    raise Cancelled("cancelled")
-                self._fraction = (done + share) / len(self._checked)
+                self._step((done + share) / len(self._checked))
 
             step(0.0)
             reports.append(check(replace(each, seams=seams[index]), self._settings, step))

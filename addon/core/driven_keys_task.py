@@ -8,14 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from dermis_native import Cancelled
 
-from .background import BackgroundTask
 from .character import Flags, Floats, Weights
 from .corrective_keys import ChosenKeys, CorrectiveKey, JointSamples, choose_keys
 from .errors import InputError
 from .pose_readers import readers_of, rotation_matrices, spread_out
 from .skin_frames import PoseSample, SkinFrames
+from .stepped_task import SteppedTask
 
 # Angles below this (radians) count as rest.
 LEAST_ANGLE = 0.09
@@ -81,30 +80,13 @@ class DrivenKeys:
     before: float
 
 
-class DrivenKeysTask(BackgroundTask[list[DrivenKeys]]):
+class DrivenKeysTask(SteppedTask[list[DrivenKeys]]):
     """Makes the keys of one mesh after the other."""
 
     def __init__(self, orders: Sequence[DrivenKeysOrder], kept: float, most: int) -> None:
-        super().__init__("dermis-driven-keys")
+        super().__init__("dermis-driven-keys", "solving poses")
         self._orders = tuple(orders)
         self._kept, self._most = kept, most
-        self._cancelled = False
-        self._fraction = 0.0
-        self._stage = "solving poses"
-
-    def cancel(self) -> None:
-        """Ask the thread to stop soon."""
-        self._cancelled = True
-
-    @property
-    def fraction(self) -> float:
-        """Share of the work done."""
-        return self._fraction
-
-    @property
-    def stage(self) -> str:
-        """What is being done now."""
-        return self._stage
 
     def work(self) -> list[DrivenKeys]:
         """One result for each mesh."""
@@ -115,9 +97,7 @@ class DrivenKeysTask(BackgroundTask[list[DrivenKeys]]):
         return found
 
     def _at(self, fraction: float) -> None:
-        if self._cancelled:
-            raise Cancelled("cancelled")
-        self._fraction = self._start + self._share * min(fraction, 1.0)
+        self._step(self._start + self._share * min(fraction, 1.0))
 
     def _keys(self, order: DrivenKeysOrder) -> DrivenKeys:
         self._stage = "solving poses"

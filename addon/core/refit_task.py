@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from dermis_native import Cancelled
 
-from .background import BackgroundTask
 from .character import Bones, BoneWeights, Flags, Floats, Integers
 from .refit import TINY, errors, fit_weights
 from .skin_frames import PoseSample, SkinFrames
+from .stepped_task import SteppedTask
 
 # Bones that a vertex may get weight on: its own, those of its neighbours, and theirs in the skeleton.
 MOST_CANDIDATES = 12
@@ -51,38 +50,22 @@ class Refit:
     before: float
 
 
-class RefitTask(BackgroundTask[list[Refit]]):
+class RefitTask(SteppedTask[list[Refit]]):
     """Fits one mesh after the other."""
 
     def __init__(self, orders: Sequence[RefitOrder], limit: int) -> None:
-        super().__init__("dermis-refit")
+        super().__init__("dermis-refit", "fitting weights")
         self._orders = tuple(orders)
         self._limit = limit
         self._total = 3 * sum(len(order.samples) for order in self._orders)
         self._done = 0
-        self._cancelled = False
-
-    def cancel(self) -> None:
-        """Ask the thread to stop soon."""
-        self._cancelled = True
-
-    @property
-    def fraction(self) -> float:
-        """Share of the work done."""
-        return min(self._done / max(self._total, 1), 1.0)
-
-    @property
-    def stage(self) -> str:
-        """What is being done now."""
-        return "fitting weights"
 
     def work(self) -> list[Refit]:
         """One result for each mesh."""
         return [self._refit(order) for order in self._orders]
 
     def _tick(self) -> None:
-        if self._cancelled:
-            raise Cancelled("cancelled")
+        self._step(self._done / self._total)
         self._done += 1
 
     def _refit(self, order: RefitOrder) -> Refit:

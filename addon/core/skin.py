@@ -46,6 +46,7 @@ class Skin:
     def __init__(self, source: SkinInput) -> None:
         """Build; InputError when that is impossible."""
         source.check()
+        self._source = source
         self._skinning = source.skinning
         surface = source.surface
         self._rest = surface.vertices.astype(np.float32)
@@ -68,6 +69,10 @@ class Skin:
             )
         except (DermisError, ValueError) as error:
             raise InputError(f"'{source.name}' cannot have a PBD skin: {_plain(error)}.") from error
+
+    def __reduce__(self) -> tuple[type[Skin], tuple[SkinInput]]:
+        """Elsewhere it is built again from its input: the solver is not data."""
+        return Skin, (self._source,)
 
     @property
     def stats(self) -> dict[str, Any]:

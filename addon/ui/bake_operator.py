@@ -10,50 +10,19 @@ from ..blender.skin_switch import rigid_meshes
 from ..core.errors import InputError
 from .bake_options import fill_from_scene
 from .modal_job import ModalJobOperator
-from .skin_selection import chosen_meshes, missing_meshes
-
-# Without a window progress is printed at each of these shares.
-PRINTED = 0.1
+from .skin_operator import SkinOperator
+from .skin_selection import chosen_meshes
 
 
-class BakeOperator(ModalJobOperator):
-    """Works on all meshes of the active armature, or on the selected meshes."""
+class BakeOperator(SkinOperator, ModalJobOperator):
+    """A skin operator whose work runs in a thread."""
 
     doing = "Baking"
-
-    @classmethod
-    def poll(cls, context):
-        """An armature or meshes are needed, outside Edit Mode."""
-        reason = missing_meshes(context)
-        if not reason and context.mode.startswith("EDIT"):
-            reason = "Leave Edit Mode first."
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
 
     def invoke(self, context, event):
         """Start with what the panel shows."""
         fill_from_scene(self, context.scene)
         return ModalJobOperator.invoke(self, context, event)
-
-    def run(self, context):
-        """Work while Blender waits; without a window, print how far it is."""
-        job = self.job(context)
-        manager = context.window_manager
-        printed = [0.0]
-
-        def show(fraction):
-            manager.progress_update(int(100 * fraction))
-            if bpy.app.background and fraction >= printed[0]:
-                printed[0] = fraction + PRINTED
-                print(f"Dermis, {self.doing.lower()}: {fraction:.0%}, {job.task.stage}", flush=True)
-
-        manager.progress_begin(0, 100)
-        try:
-            job.run(show)
-        finally:
-            manager.progress_end()
-        return self.finished(job)
 
     def finished(self, job) -> set[str]:
         """Write into the scene and tell what was done."""

@@ -39,7 +39,7 @@ class DERMIS_PT_bake(SidebarPanel, bpy.types.Panel):
         column.separator()
         column.prop(kept, "directory")
         column.prop(kept, "file_format")
-        column.prop(kept, "samples_per_frame")
+        column.prop(kept, "samples_per_frame", text="Samples")
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.row(align=True)
         row.operator(DERMIS_OT_bake.bl_idname, icon="FILE_CACHE")

@@ -2,7 +2,7 @@
 """The operator that bakes skins into point caches."""
 
 import bpy
-from bpy.props import BoolProperty
+from bpy.props import BoolProperty, StringProperty
 
 from ..blender.cache_job import CacheJob
 from .bake_operator import BakeOperator, bakeable_meshes
@@ -27,6 +27,12 @@ class DERMIS_OT_bake(FrameOptions, CacheOptions, BakeOperator, bpy.types.Operato
         default=True,
     )
 
+    dask: StringProperty(
+        name="Dask Scheduler",
+        description="Address of a Dask scheduler whose workers solve the frames, for instance tcp://10.0.0.2:8786; "
+        "empty to solve them here",
+    )
+
     def draw(self, context):
         """Draw the options of Adjust Last Operation."""
         layout = self.layout
@@ -46,4 +52,5 @@ class DERMIS_OT_bake(FrameOptions, CacheOptions, BakeOperator, bpy.types.Operato
             self.directory,
             self.file_format,
             play=self.play,
+            scheduler=self.dask,
         )

@@ -6,7 +6,8 @@ import bpy
 from ..core.errors import counted
 from .bind_selection import bind_armature, bind_meshes, missing_bind
 from .bind_weights import DERMIS_OT_bind_weights
-from .panel import SidebarPanel, draw_text
+from .panel import SidebarPanel
+from .text import draw_text
 
 
 class DERMIS_PT_bind(SidebarPanel, bpy.types.Panel):

@@ -64,12 +64,9 @@ class DERMIS_OT_bind_weights(WeightOptions, ModalJobOperator, bpy.types.Operator
     )
 
     @classmethod
-    def poll(cls, context):
+    def missing(cls, context) -> str:
         """An armature and meshes are needed, outside Edit Mode."""
-        reason = missing_bind(context)
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+        return missing_bind(context)
 
     def draw(self, context):
         """Draw the options of Adjust Last Operation."""

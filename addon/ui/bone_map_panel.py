@@ -3,7 +3,6 @@
 
 import bpy
 
-from ..core.bones import HOW
 from .bone_map_add import DERMIS_OT_bone_map_add
 from .bone_map_clear import DERMIS_OT_bone_map_clear
 from .bone_map_fill import DERMIS_OT_map_bones
@@ -12,23 +11,25 @@ from .bone_map_remove import DERMIS_OT_bone_map_remove
 from .panel import SidebarPanel
 from .selection import single_target, source_of
 
+# How a pair was found. A question mark asks to look at it; an arrow is for weight that goes to an ancestor.
+FOUND = {"NAME": "CHECKMARK", "SCHEME": "CHECKMARK", "STRUCTURE": "QUESTION", "USER": "USER"}
+
 
 class DERMIS_UL_bone_map(bpy.types.UIList):
-    """Source bone, target bone, how it was found."""
+    """Source bone, target bone, and a sign for how it was found."""
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
         """Draw one pair; the target bone can be changed."""
         split = layout.split(factor=0.4, align=True)
-        split.label(text=item.source, icon="BONE_DATA")
-        split = split.split(factor=0.7, align=True)
+        split.label(text=item.source)
+        row = split.row(align=True)
         source, target = source_of(context), single_target(context)
         armature = armatures(source, target)[1] if source is not None and target is not None else None
         if armature is None:
-            split.prop(item, "target", text="")
+            row.prop(item, "target", text="")
         else:
-            split.prop_search(item, "target", armature.data, "bones", text="")
-        how = HOW.get(item.how.lower(), "") if item.target else "to its ancestor"
-        split.label(text=how)
+            row.prop_search(item, "target", armature.data, "bones", text="")
+        row.label(text="", icon=FOUND.get(item.how, "BLANK1") if item.target else "TRIA_UP")
 
     def filter_items(self, context, data, propname):
         """Show the rows whose source or target bone has the text of the filter."""

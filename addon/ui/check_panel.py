@@ -8,8 +8,9 @@ from ..core.check import CATEGORIES
 from ..core.errors import counted
 from .check_select import LABELS, DERMIS_OT_select_problems
 from .check_weights import DERMIS_OT_check
-from .panel import SidebarPanel, draw_text
+from .panel import SidebarPanel
 from .selection import checked_meshes, missing_selection
+from .text import draw_missing, draw_text
 
 
 class DERMIS_PT_check(SidebarPanel, bpy.types.Panel):
@@ -22,6 +23,7 @@ class DERMIS_PT_check(SidebarPanel, bpy.types.Panel):
         """Draw the panel."""
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
+        draw_missing(layout, DERMIS_OT_check, context)
         column = layout.column(align=True)
         column.operator(DERMIS_OT_check.bl_idname, icon="VIEWZOOM").use_retarget = False
         if not missing_selection(context):

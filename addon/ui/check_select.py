@@ -47,12 +47,9 @@ class DERMIS_OT_select_problems(DermisOperator, bpy.types.Operator):
     extend: BoolProperty(name="Extend", description="Keep what is selected already", default=False)
 
     @classmethod
-    def poll(cls, context):
+    def missing(cls, context) -> str:
         """A mesh is needed."""
-        if not checked_meshes(context):
-            cls.poll_message_set("Select a mesh that was checked.")
-            return False
-        return True
+        return "" if checked_meshes(context) else "Select a mesh that was checked."
 
     def run(self, context):
         """Select the vertices of each mesh, and make vertices what is selected in Edit Mode."""

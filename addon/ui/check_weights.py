@@ -68,12 +68,9 @@ class DERMIS_OT_check(RetargetOptions, ModalJobOperator, bpy.types.Operator):
     )
 
     @classmethod
-    def poll(cls, context):
+    def missing(cls, context) -> str:
         """A mesh is needed."""
-        if not checked_meshes(context):
-            cls.poll_message_set("Select a mesh to check.")
-            return False
-        return True
+        return "" if checked_meshes(context) else "Select a mesh to check."
 
     def draw(self, context):
         """Draw the options of Adjust Last Operation."""

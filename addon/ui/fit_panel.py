@@ -6,7 +6,8 @@ import bpy
 from ..core.errors import counted
 from .fit_selection import fit_armature, fit_meshes, missing_fit
 from .fit_skeleton import DERMIS_OT_fit_skeleton
-from .panel import SidebarPanel, draw_text
+from .panel import SidebarPanel
+from .text import draw_text
 
 
 class DERMIS_PT_fit(SidebarPanel, bpy.types.Panel):

@@ -78,12 +78,9 @@ class DERMIS_OT_fit_skeleton(ModalJobOperator, bpy.types.Operator):
     )
 
     @classmethod
-    def poll(cls, context):
+    def missing(cls, context) -> str:
         """An active armature and selected meshes are needed."""
-        reason = missing_fit(context)
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+        return missing_fit(context)
 
     def draw(self, context):
         """Draw the options of Adjust Last Operation."""

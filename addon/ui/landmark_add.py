@@ -22,14 +22,12 @@ class DERMIS_OT_landmark_add(DermisOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def missing(cls, context) -> str:
         """A source and exactly one target are needed."""
         reason = missing_selection(context)
         if not reason and single_target(context) is None:
             reason = "Select one target only: each target has landmarks of its own."
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+        return reason
 
     def run(self, context):
         """Add the pair and choose it in the list."""

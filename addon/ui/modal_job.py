@@ -8,6 +8,8 @@ from .operator_base import DermisOperator
 
 # A job that ends this soon needs no modal state.
 PATIENCE_SECONDS = 0.2
+# Without a window progress is printed at each new stage and after each such share.
+PRINTED_SHARE = 0.1
 
 
 class ModalJobOperator(DermisOperator):
@@ -23,17 +25,18 @@ class ModalJobOperator(DermisOperator):
         job = self.job(context)
         manager = context.window_manager
         manager.progress_begin(0, 100)
-        said = ""
+        said, next_share = "", 0.0
 
         def show(fraction):
-            nonlocal said
+            nonlocal said, next_share
             manager.progress_update(int(100 * fraction))
-            if bpy.app.background and job.task.stage != said:
-                said = job.task.stage
-                print(f"{self.doing}: {said} ({fraction:.0%})", flush=True)
+            stage = job.task.stage
+            if bpy.app.background and (stage != said or fraction >= next_share):
+                said, next_share = stage, fraction + PRINTED_SHARE
+                print(f"{self.doing}: {stage} ({fraction:.0%})", flush=True)
 
         try:
-            job.run(show)
+            job.task.run(show)
         finally:
             manager.progress_end()
         return self.finished(job)

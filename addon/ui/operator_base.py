@@ -17,6 +17,19 @@ NOTHING_CHANGED = "Nothing was changed."
 class DermisOperator:
     """Mixin for operators: `run` does the work, and an exception leaves it as one report."""
 
+    @classmethod
+    def missing(cls, context) -> str:  # noqa: ARG003  (for those that ask)
+        """What the user has to do before it can start; empty when nothing is missing."""
+        return ""
+
+    @classmethod
+    def poll(cls, context):
+        """Whether nothing is missing; otherwise the tooltip says what."""
+        reason = cls.missing(context)
+        if reason:
+            cls.poll_message_set(reason)
+        return not reason
+
     def tell(self, levels: set[str], text: str) -> None:
         """Report to the user, and to a command that called the operator; Blender allows no other `report`."""
         hear(levels, text)

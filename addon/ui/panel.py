@@ -13,7 +13,7 @@ from .landmark_remove import DERMIS_OT_landmark_remove
 from .landmark_show import DERMIS_OT_landmark_show
 from .retarget_weights import DERMIS_OT_retarget_weights
 from .selection import single_target, source_of, targets_of
-from .text import draw_text
+from .text import draw_missing, draw_text
 
 
 class DERMIS_UL_landmarks(bpy.types.UIList):
@@ -51,6 +51,7 @@ class DERMIS_PT_retarget(SidebarPanel, bpy.types.Panel):
             _labelled(column, "Targets", counted(len(targets), "mesh", "meshes"), "OUTLINER_OB_MESH")
         else:
             _draw_character(column, "Target", targets[0] if targets else None, "Other selected meshes")
+        draw_missing(layout, DERMIS_OT_retarget_weights, context)
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.row()
         row.scale_y = 1.4

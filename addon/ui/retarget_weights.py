@@ -39,14 +39,12 @@ class DERMIS_OT_retarget_weights(RetargetOptions, ModalJobOperator, bpy.types.Op
     )
 
     @classmethod
-    def poll(cls, context):
+    def missing(cls, context) -> str:
         """A source and a target are needed, outside Edit Mode."""
         reason = missing_selection(context)
         if not reason and any(ob.mode == "EDIT" for ob in (source_of(context), *targets_of(context))):
             reason = "Leave Edit Mode first."
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+        return reason
 
     def draw(self, context):
         """Draw the options of Adjust Last Operation."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the operators that switch skins on and off share."""
+"""What the operators on skins share."""
 
 from .operator_base import DermisOperator
 from .skin_selection import missing_meshes
@@ -9,11 +9,9 @@ class SkinOperator(DermisOperator):
     """Works on all meshes of the active armature, or on the selected meshes."""
 
     @classmethod
-    def poll(cls, context):
+    def missing(cls, context) -> str:
         """An armature or meshes are needed, outside Edit Mode."""
         reason = missing_meshes(context)
         if not reason and context.mode.startswith("EDIT"):
             reason = "Leave Edit Mode first."
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+        return reason

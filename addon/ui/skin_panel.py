@@ -11,7 +11,7 @@ from .panel import SidebarPanel
 from .skin_disable import DERMIS_OT_skin_disable
 from .skin_enable import DERMIS_OT_skin_enable
 from .skin_selection import chosen_meshes
-from .text import draw_text
+from .text import draw_missing, draw_text
 
 
 def skin_of(context: bpy.types.Context) -> bpy.types.Object | None:
@@ -33,6 +33,7 @@ class DERMIS_PT_skin(SidebarPanel, bpy.types.Panel):
         layout = self.layout
         meshes = chosen_meshes(context)
         enabled = [ob for ob in meshes if ob.dermis_skin.enabled]
+        draw_missing(layout, DERMIS_OT_skin_enable, context)
         row = layout.row(align=True)
         row.scale_y = 1.4
         row.operator(

@@ -18,7 +18,7 @@ class TargetOperator(DermisOperator):
     none_chosen = ""
 
     @classmethod
-    def poll(cls, context):
+    def missing(cls, context) -> str:
         """A source and exactly one target are needed, with a list where `needs_rows`."""
         reason = missing_selection(context)
         if not reason:
@@ -27,9 +27,7 @@ class TargetOperator(DermisOperator):
                 reason = cls.several
             elif cls.needs_rows and not getattr(target.dermis_retarget, cls.rows):
                 reason = cls.nothing.format(target.name)
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+        return reason
 
     def chosen(self, context):
         """The target's properties and the index of the chosen row."""

@@ -1,9 +1,8 @@
 """Dermis: skin weights and volume-keeping skin for articulated characters.
 
-Arrays are numpy arrays in C order. Float input may be float32 or float64, index input any integer
-type. Lengths are in the caller's unit. Wrong shapes, indices out of range and NaN or infinite
-input raise `ValueError` naming the element; every other failure raises a subclass of
-`DermisError`. Long calls release the interpreter lock.
+Arrays are numpy arrays in C order. Float input may be float32 or float64, index input any integer type.
+Lengths are in the caller's unit. Wrong shapes, indices out of range and NaN or infinite input raise `ValueError`
+naming the element; every other failure a subclass of `DermisError`. Long calls release the interpreter lock.
 """
 
 from collections.abc import Sequence
@@ -17,7 +16,8 @@ _Integers = npt.NDArray[np.integer[Any]]
 
 _RetargetPart = Literal["auto", "rigid", "surface", "match"]
 _BindPart = Literal["auto", "rigid", "surface", "own"]
-_Choice = npt.NDArray[np.bool_] | _Integers | Sequence[int] | Sequence[bool]
+_Mask = npt.NDArray[np.bool_] | Sequence[bool]
+_Choice = _Mask | _Integers | Sequence[int]
 
 __all__ = [
     "BiharmonicDistance",
@@ -125,16 +125,14 @@ class Skeleton:
 class BoneMap:
     """For each bone of a source skeleton the bones of a target skeleton that stand for it.
 
-    No target bone: the weight goes to the nearest mapped ancestor, or, without one, to the nearest
-    mapped descendant. One: it takes the weight; several source bones may name it. Several: a chain,
-    top first, over which the weight is split by position along it.
+    No target bone: the weight goes to the nearest mapped ancestor, or, without one, descendant. One: it takes the
+    weight; several source bones may name it. Several: a chain, top first, that splits it by position.
     """
 
     def __new__(cls, source_skeleton: Skeleton, target_skeleton: Skeleton, targets: Sequence[Sequence[int]]) -> Self:
         """Your own map: for each source bone its target bones. Raises ValueError naming the first bad bone."""
     @property
-    def targets(self) -> list[list[int]]:
-        """Target bones of each source bone."""
+    def targets(self) -> list[list[int]]: ...
     @property
     def how(self) -> list[str]:
         """How each source bone's targets were found: "name", "scheme", "structure", "user" or "none"."""
@@ -144,18 +142,14 @@ class BoneMap:
     def aligned_skeleton(self, source_skeleton: Skeleton, target_skeleton: Skeleton) -> Skeleton:
         """The source skeleton, numbered and named as it is, at the target's rest positions."""
     def transfer(self, weights: SkinWeights, vertices: _Floats, target_skeleton: Skeleton) -> SkinWeights:
-        """Weights over target bones from `weights` over source bones of the target's vertices (V,3).
-
-        Sums of rows stay.
-        """
+        """Weights of the target's vertices (V,3), from source bones to target bones; sums of rows stay."""
     def __len__(self) -> int: ...
 
 def map_bones(source_skeleton: Skeleton, target_skeleton: Skeleton) -> BoneMap:
     """Map bones by equal names, by the common naming schemes, then by structure and position.
 
-    Known are Rigify, Mixamo, Unreal, MakeHuman, VRM, 3ds Max Biped and Daz names. Chains of different
-    length are matched by arc length; left never goes to right. Raises RetargetError when no bone has
-    a counterpart.
+    Known are Rigify, Mixamo, Unreal, MakeHuman, VRM, 3ds Max Biped and Daz names. Chains of different length are
+    matched by arc length; left never goes to right. Raises RetargetError when no bone has a counterpart.
     """
 
 @final
@@ -170,8 +164,7 @@ class SkinWeights:
         vertex: _Integers, bone: _Integers, value: _Floats, vertex_count: int, bone_count: int
     ) -> SkinWeights:
         """Entries (n,); values of a repeated pair are added."""
-    def to_dense(self) -> npt.NDArray[np.float32]:
-        """(V,B)."""
+    def to_dense(self) -> npt.NDArray[np.float32]: ...
     def to_triplets(self) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32], npt.NDArray[np.float32]]:
         """vertex, bone and value of every entry above zero, ordered by vertex, then bone."""
     def normalized(self) -> SkinWeights:
@@ -185,8 +178,7 @@ class SkinWeights:
 class BiharmonicDistance:
     """Biharmonic distance on a surface (eq. 17-19), infinite between components.
 
-    `between` uses a truncated eigenbasis, O(eigenpairs) for each pair; `from_vertex` is exact:
-    one column of the Green's function by two sparse solves.
+    `between` uses a truncated eigenbasis, O(eigenpairs) for each pair; `from_vertex` is exact: two sparse solves.
     """
 
     def __new__(cls, mesh: TriangleMesh, *, eigenpairs: int = 100, progress: Progress | None = None) -> Self: ...
@@ -227,15 +219,14 @@ class RetargetResult:
         """True where a vertex was matched by the surface, False where it was filled in (Vt,)."""
     @property
     def status(self) -> npt.NDArray[np.uint8]:
-        """Where each vertex has its weights from (Vt,): 0 its match on the source, 1 inpainted from
-        its neighbours, 2 the treatment of its loose part (rigid, or after the surface below), 3 the
-        closest point of the source, although no match near it passed the tests. `matched` is
-        `status == 0`.
+        """Where each vertex has its weights from (Vt,): 0 its match on the source (`matched`), 1 inpainted from its
+        neighbours, 2 the treatment of its loose part (rigid, or after the surface below), 3 the closest point of the
+        source, although no match near it passed the tests.
         """
     @property
     def part(self) -> npt.NDArray[np.uint32]:
-        """Loose part of each vertex (Vt,): what is connected once seams that only an export had opened
-        are closed, numbered by smallest vertex. Empty by method "paper", which knows no parts.
+        """Loose part of each vertex (Vt,), connected once seams that only an export had opened are closed, numbered
+        by smallest vertex. Empty by method "paper", which knows no parts.
         """
     @property
     def part_policies(self) -> list[str]:
@@ -264,24 +255,21 @@ def retarget_weights(
 ) -> RetargetResult:
     """Give `target` the weights of `source`.
 
-    "auto" warps the source onto the target's skeleton and rest pose, refines the joints against the
-    surfaces, deforms the surface onto the target's, matches by closest points, and inpaints where no
-    match passes its tests. It needs both skeletons; without them "paper" is used.
+    "auto" warps the source onto the target's skeleton and rest pose, refines the joints against the surfaces, deforms
+    the surface onto the target's, matches by closest points, and inpaints where no match passes its tests. It needs
+    both skeletons; without them "paper" is used.
 
-    "paper" is Algorithm 2: distances to landmarks. Without landmarks both skeletons are needed and
-    landmarks are chosen on them: head, hands and knees of a biped, otherwise the end of every chain.
-    With both skeletons matches are searched in the same region only (figure 3).
+    "paper" is Algorithm 2: distances to landmarks. Without landmarks both skeletons are needed and landmarks are
+    chosen on them: head, hands and knees of a biped, otherwise the end of every chain. With both skeletons matches
+    are searched in the same region only (figure 3).
 
-    landmarks (k,2) pairs a source vertex with a target vertex; "auto" adds its own to them, "paper"
-    uses them instead of its own. With both skeletons, bones are paired by `map_bones` unless
-    `bone_map` is given.
-
-    parts says what becomes of loose parts of the target: "rigid" gives a part one row of weights,
-    "surface" every vertex those of the nearest point of the body, "match" matches it with the source
-    like the body (one without any match follows the surface after all), "auto" and None choose. One
-    name is for all parts but the body; a sequence has one for each component as
-    `TriangleMesh.components` numbers them, and there the body is what it is said to be. Components
-    that coincident open edges make one part must not contradict each other. "auto" method alone.
+    landmarks (k,2) pairs a source vertex with a target vertex; "auto" adds its own to them, "paper" uses them instead
+    of its own. With both skeletons, bones are paired by `map_bones` unless `bone_map` is given. parts says what
+    becomes of loose parts of the target: "rigid" gives a part one row of weights, "surface" every vertex those of the
+    nearest point of the body, "match" matches it with the source like the body (one without any match follows the
+    surface after all), "auto" and None choose. One name is for all parts but the body; a sequence has one for each
+    component as `TriangleMesh.components` numbers them, and there the body is what it is said to be. Components that
+    coincident open edges make one part must not contradict each other. "auto" method alone.
     """
 
 def bind_weights(
@@ -298,23 +286,19 @@ def bind_weights(
 ) -> SkinWeights:
     """Weights for a mesh that has none, from its skeleton alone.
 
-    "volumetric": through the body, after the idea of geodesic voxel binding (Dionne & de Lasa 2013).
-    A vertex belongs to the bone that is near through the body and that a random walk from it meets
-    first; a diffusion over the surface makes the falloff. Works on any mesh with a triangle: open,
-    in pieces, self-intersecting, flat, with bones outside; what no bone reaches follows the nearest
-    surface. "paper": by the distance through the air to the three nearest bones in a joint area, to
-    the two nearest elsewhere (eq. 2, section 4.1); a vertex on a bone belongs to it alone.
+    "volumetric": through the body, after the idea of geodesic voxel binding (Dionne & de Lasa 2013). A vertex belongs
+    to the bone that is near through the body and that a random walk from it meets first; a diffusion over the surface
+    makes the falloff. Works on any mesh with a triangle: open, in pieces, self-intersecting, flat, with bones
+    outside; what no bone reaches follows the nearest surface. "paper": by the distance through the air to the three
+    nearest bones in a joint area, to the two nearest elsewhere (eq. 2, section 4.1); a vertex on a bone belongs to it.
 
-    bones chooses those that take part, as a mask (B,) or as indices; None takes all. max_influences
-    limits the bones of a vertex; weights fade out before they are cut off. Rows sum to 1.
+    bones chooses those that take part, as a mask (B,) or as indices; None takes all. max_influences limits the bones
+    of a vertex; weights fade out before they are cut off. Rows sum to 1. parts says what becomes of loose parts, for
+    all but the body or for each component as in `retarget_weights`: "rigid" (one row of weights), "surface" (each
+    vertex follows the nearest point of the body), "own" (bound to the bones by itself), or "auto": small parts and
+    those that no bone reaches go with the body, others are bound by themselves. "volumetric" alone.
 
-    parts says what becomes of loose parts, for all but the body or for each component as in
-    `retarget_weights`: "rigid" (one row of weights), "surface" (each vertex follows the nearest point
-    of the body), "own" (bound to the bones by itself), or "auto": small parts and those that no bone
-    reaches go with the body, others are bound by themselves. "volumetric" alone.
-
-    protected vertices, as a mask (V,) or as indices, keep their rows of `weights` (V,B) bit for bit,
-    whatever these sum to.
+    protected vertices, as a mask (V,) or as indices, keep their rows of `weights` (V,B) bit for bit.
     """
 
 @final
@@ -329,10 +313,12 @@ class FittedSkeleton:
         """Embedded into the shape, or only scaled and moved as a whole with its joints pulled inside."""
     @property
     def score(self) -> float:
-        """How well the skeleton fits, 0 to 1: joints and bones well inside, lengths plausible."""
+        """How well the skeleton fits, 0 to 1: bones inside, lengths plausible, the trunk like the template's up to
+        a turn, and no limb of the mesh without bones. Below 0.5 the template is doubtful.
+        """
     @property
     def message(self) -> str:
-        """One sentence about what was not found or why the template was only scaled; empty when all is well."""
+        """What was not found, what has no bones, or why the template was only scaled; empty when all is well."""
     @property
     def found(self) -> npt.NDArray[np.bool_]:
         """(B,) True where the shape placed the bone, False where it was carried along."""
@@ -344,37 +330,33 @@ def fit_skeleton(
     mesh: TriangleMesh,
     template: Skeleton,
     *,
-    deform: npt.NDArray[np.bool_] | Sequence[bool] | None = None,
-    fixed: npt.NDArray[np.bool_] | Sequence[bool] | None = None,
+    deform: _Mask | None = None,
+    fixed: _Mask | None = None,
     symmetric: bool | None = None,
     progress: Progress | None = None,
 ) -> FittedSkeleton:
     """Fit a template skeleton into a mesh, after Baran & Popović (2007).
 
-    Both stand upright and face the same way; place, size, proportions and the angles of the limbs may
-    differ. deform (B,) marks the bones that follow the body, None all; the others, such as controls,
-    are carried along. Bones that fixed (B,) marks keep their heads and tails exactly. symmetric says
-    whether to use the mirror plane; None uses it where mesh and template have one. Connected bones
-    stay connected.
-
-    Where the shape and the template do not agree, or the mesh encloses no volume, the template is
-    scaled and moved as a whole; `method`, `score` and `message` say so.
+    Both stand upright and face the same way; place, size, proportions and the angles of the limbs may differ. deform
+    (B,) marks the bones that follow the body, None all; the others, such as controls, are carried along. Bones that
+    fixed (B,) marks keep their heads and tails exactly. symmetric says whether to use the mirror plane; None uses it
+    where mesh and template have one. Connected bones stay connected. Where the shape and the template do not agree, or
+    the mesh encloses no volume, the template is scaled and moved as a whole; `method`, `score` and `message` say so.
     """
 
 def linear_blend_skinning(vertices: _Floats, weights: SkinWeights, transforms: _Floats) -> npt.NDArray[np.float32]:
     """Linear blend skinning (eq. 1) as Blender's Armature modifier computes it.
 
-    vertices (V,3), transforms (B,4,4) = pose · rest⁻¹; returns (V,3) float32. Weights need not sum
-    to 1; a vertex without weights stays where it is.
+    vertices (V,3), transforms (B,4,4) = pose · rest⁻¹; returns (V,3) float32. Weights need not sum to 1; a vertex
+    without weights stays where it is.
     """
 
 def dual_quaternion_skinning(
     vertices: _Floats, weights: SkinWeights, transforms: _Floats, *, rest: _Floats | None = None
 ) -> npt.NDArray[np.float32]:
-    """Dual quaternion skinning as Blender's Preserve Volume computes it.
+    """Dual quaternion skinning as Blender's Preserve Volume computes it, called like `linear_blend_skinning`.
 
-    Like `linear_blend_skinning`; rest (B,4,4) are the bones' rest matrices, which matter only where
-    bones are scaled.
+    rest (B,4,4) are the bones' rest matrices, which matter only where bones are scaled.
     """
 
 def rest_space_offsets(
@@ -385,24 +367,21 @@ def rest_space_offsets(
     preserve_volume: bool = False,
     shares: _Floats | None = None,
 ) -> tuple[npt.NDArray[np.float32], int]:
-    """Offsets (V,3) of the skinned surface taken back to rest by the inverse of what skinning does at
-    each vertex: what a shape key has to hold under a live Armature modifier.
+    """Offsets (V,3) of the skinned surface taken back to rest by the inverse of what skinning does at each vertex:
+    what a shape key has to hold under a live Armature modifier.
 
-    shares (V,), 0 to 1, say how much of the skinning each vertex follows. Returns the offsets (V,3)
-    float32 and the number of vertices whose blended matrix is nearly singular; their offsets are
-    limited.
+    shares (V,), 0 to 1, say how much of the skinning each vertex follows. Returns the offsets (V,3) float32 and the
+    number of vertices whose blended matrix is nearly singular; their offsets are limited.
     """
 
 @final
 class TetMesh:
-    """Tetrahedra over shared vertices, positively oriented."""
+    """Tetrahedra (T,4) over shared vertices (P,3), positively oriented; of a skin, all islands in rest."""
 
     @property
-    def vertices(self) -> npt.NDArray[np.float64]:
-        """Positions (P,3)."""
+    def vertices(self) -> npt.NDArray[np.float64]: ...
     @property
-    def tetrahedra(self) -> npt.NDArray[np.uint32]:
-        """Corner indices (T,4)."""
+    def tetrahedra(self) -> npt.NDArray[np.uint32]: ...
 
 def tetrahedralize(mesh: TriangleMesh, *, cell_size: float | None = None) -> TetMesh:
     """Body-centred-cubic lattice tetrahedra around and inside any triangle mesh: open, in pieces,
@@ -413,12 +392,11 @@ def tetrahedralize(mesh: TriangleMesh, *, cell_size: float | None = None) -> Tet
 class PbdSkin:
     """A character's skin with joints that keep their volume (section 4.2).
 
-    Built once; `solve` is then a pure function from poses to vertices: the same arguments give the
-    same bits, whatever was solved before and on any number of threads. Every setting that is None
-    comes from `preset`: "default", "paper" (Algorithm 1 as printed) or "rumman_fratarcangeli".
-    Constraint strengths (`stretch`, `volume`, `bind`, `energy`) go from 0 (off) to 1.
-    `stiffness_shares` (V,), 0 to 1, lets the stiffness vary over the surface. `rest` (B,4,4) are the
-    bones' rest matrices for `skinning="dual_quaternion"`, as in `dual_quaternion_skinning`.
+    Built once; `solve` is then a pure function from poses to vertices: the same arguments give the same bits, whatever
+    was solved before and on any number of threads. Every setting that is None comes from `preset`: "default", "paper"
+    (Algorithm 1 as printed) or "rumman_fratarcangeli". Constraint strengths (`stretch`, `volume`, `bind`, `energy`) go
+    from 0 (off) to 1. `stiffness_shares` (V,), 0 to 1, lets the stiffness vary over the surface. `rest` (B,4,4) are
+    the bones' rest matrices for `skinning="dual_quaternion"`, as in `dual_quaternion_skinning`.
     """
 
     def __new__(
@@ -453,22 +431,19 @@ class PbdSkin:
     def solve_offsets(
         self, transforms: _Floats, vertices: _Floats | None = None, shares: _Floats | None = None
     ) -> tuple[npt.NDArray[np.float32], int]:
-        """A pose like `solve`, as offsets (V,3) float32 that plain skinning turns into the solved skin:
-        what a shape key has to hold under a live Armature modifier.
+        """A pose like `solve`, as offsets (V,3) float32 that plain skinning turns into the solved skin: what a shape
+            key has to hold under a live Armature modifier.
 
-        shares (V,), 0 to 1, say how much of the skinning, and of the correction, each vertex
-        follows. Also returns the number of vertices whose blended matrix is nearly singular; their
-        offsets are limited.
+        shares (V,), 0 to 1, say how much of the skinning, and of the correction, each vertex follows. Also returns the
+        number of vertices whose blended matrix is nearly singular; their offsets are limited.
         """
     @property
-    def cage(self) -> TetMesh:
-        """Tetrahedra of all islands, in rest."""
+    def cage(self) -> TetMesh: ...
     @property
     def stats(self) -> dict[str, Any]:
-        """What the skin consists of and what the last solve took.
-
-        vertices, moved_vertices, tetrahedra, islands, active_islands, inverted, constraints (per
-        kind) and milliseconds (build, skinning, solve, surface, total).
+        """What the skin consists of and what the last solve took: vertices, moved_vertices, tetrahedra, islands,
+        active_islands, inverted, constraints (per kind), milliseconds (build, skinning, solve, surface, total), and
+        counted work (solved_islands, reused_islands, projections, contact_candidates, corrected_vertices).
         """
 
 def pbd_preset(preset: Literal["default", "paper", "rumman_fratarcangeli"]) -> dict[str, Any]:

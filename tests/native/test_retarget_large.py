@@ -2,17 +2,13 @@
 size and threads.
 """
 
-import hashlib
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import characters
 import makehuman
 import numpy as np
+import threads
 from dermis_native import retarget_weights
 from scipy.spatial.transform import Rotation
 
@@ -85,19 +81,5 @@ def test_place_direction_and_size_do_not_matter():
 
 
 def test_the_same_bits_on_any_number_of_threads():
-    script = (
-        "import hashlib, test_retarget_large as t;print(hashlib.sha256(t.retargeted(*t.pair()).tobytes()).hexdigest())"
-    )
-    folder = Path(__file__).resolve().parent
-    paths = os.pathsep.join([str(folder), str(folder.parents[1] / "demo")])
-    digests = {
-        subprocess.run(
-            [sys.executable, "-c", script],
-            env=os.environ | {"RAYON_NUM_THREADS": str(threads), "PYTHONPATH": paths},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.strip()
-        for threads in (1, 3)
-    }
-    assert digests == {hashlib.sha256(found().tobytes()).hexdigest()}
+    program = "import test_retarget_large as t; found = (t.retargeted(*t.pair()),)"
+    assert threads.digests(program, 1, 3) == {threads.digest(found())}

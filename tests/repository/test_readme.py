@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import api_page
 import pytest
 from checkout import ROOT, relative, shipped_files
 
@@ -49,3 +50,14 @@ def test_the_drawing_shows_every_folder_of_the_core() -> None:
     drawn = set(re.findall(r'\["(\w+)/<br>', text))
     folders = {path.name for path in (ROOT / "native" / "core" / "src").iterdir() if path.is_dir()}
     assert folders <= drawn
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=relative)
+def test_files_of_the_core_exist(document: Path) -> None:
+    names = {path.name for path in (ROOT / "native" / "core" / "src").rglob("*.rs")}
+    named = set(re.findall(r"`(?:[\w/]+/)?(\w+\.rs)`", document.read_text(encoding="utf-8")))
+    assert named <= names
+
+
+def test_the_api_page_is_the_stub() -> None:
+    assert api_page.OUTPUT.read_text(encoding="utf-8") == api_page.page(), "run: make format"

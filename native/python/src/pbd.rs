@@ -177,6 +177,17 @@ impl PyPbdSkin {
         ] {
             result.set_item(name, count)?;
         }
+        let work = PyDict::new(py);
+        for (kind, count) in [
+            ("solved_islands", stats.work.solved_islands),
+            ("reused_islands", stats.work.reused_islands),
+            ("projections", stats.work.projections),
+            ("contact_candidates", stats.work.contact_candidates),
+            ("corrected_vertices", stats.work.corrected_vertices),
+        ] {
+            work.set_item(kind, count)?;
+        }
+        result.set_item("work", work)?;
         result.set_item("constraints", constraints)?;
         result.set_item("milliseconds", milliseconds)?;
         Ok(result)

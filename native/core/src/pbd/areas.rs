@@ -21,7 +21,7 @@ const SHARED_CELL_RATIO: f64 = 4.0;
 const TETRAHEDRA_PER_CELL: f64 = 12.0;
 /// Estimated tetrahedra of all patches, at most, while cell sizes are chosen here: more cannot be
 /// solved while animating.
-const MOST_TETRAHEDRA: f64 = 64_000.0;
+pub(super) const MOST_TETRAHEDRA: f64 = 64_000.0;
 /// Growth of the finest cells while there are more.
 const COARSER: f64 = 1.1;
 
@@ -47,6 +47,9 @@ pub struct JointAreas {
     pub areas: Vec<JointArea>,
     /// Cell size of each patch.
     pub cell_sizes: Vec<f64>,
+    /// Tetrahedra of each patch where its joints are in limbs of their thickness, about; empty where the
+    /// cell size was asked for.
+    pub expected: Vec<f64>,
     /// Area of each bone.
     area_of_bone: Vec<Option<u32>>,
     /// Entries `(bone, sum of the weights of the bone and all below)` of each vertex, bones ascending.
@@ -90,7 +93,14 @@ impl JointAreas {
                 areas.push(JointArea { bone: bone as u32, parent, centre, radius, patch: 0 });
             }
         }
-        let mut result = Self { areas, cell_sizes: Vec::new(), area_of_bone, shares, home: Vec::new() };
+        let mut result = Self {
+            areas,
+            cell_sizes: Vec::new(),
+            expected: Vec::new(),
+            area_of_bone,
+            shares,
+            home: Vec::new(),
+        };
         result.home =
             (0..mesh.vertex_count()).map(|v| result.home_of(v, mesh.vertices()[v], weights)).collect();
         result.group(mesh, cell_size);
@@ -99,7 +109,7 @@ impl JointAreas {
 
     #[cfg(test)]
     pub(super) fn from_parts(areas: Vec<JointArea>, cell_sizes: Vec<f64>, home: Vec<Option<u32>>) -> Self {
-        Self { areas, cell_sizes, area_of_bone: Vec::new(), shares: Vec::new(), home }
+        Self { areas, cell_sizes, expected: Vec::new(), area_of_bone: Vec::new(), shares: Vec::new(), home }
     }
 
     /// Share of a bone and all bones below it in a vertex's weights.
@@ -189,15 +199,17 @@ impl JointAreas {
                 *total += surface;
             }
         }
+        let filling = |((v, a), h): (&(f64, f64), f64)| TETRAHEDRA_PER_CELL * (v + a * h) / h.powi(3);
         let tetrahedra = |finest: f64| -> f64 {
             let sizes = self.cell_sizes.iter().map(|size| size.max(finest));
-            solids.iter().zip(sizes).map(|((v, a), h)| TETRAHEDRA_PER_CELL * (v + a * h) / h.powi(3)).sum()
+            solids.iter().zip(sizes).map(filling).sum()
         };
         let mut finest = self.cell_sizes.iter().copied().fold(f64::INFINITY, f64::min);
         while finest.is_finite() && tetrahedra(finest) > MOST_TETRAHEDRA {
             finest *= COARSER;
         }
         self.cell_sizes.iter_mut().for_each(|size| *size = size.max(finest));
+        self.expected = solids.iter().zip(self.cell_sizes.iter().copied()).map(filling).collect();
     }
 }
 
@@ -254,13 +266,13 @@ fn limb_distance(skeleton: &Skeleton, parent: u32, bone: u32, position: DVec3) -
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     const SIDES: u32 = 12;
 
     /// A prism of radius 1 along x from −6 to 6 with a ring at every half, bones meeting at −2, 2.
-    fn prism(radius: impl Fn(f64) -> f64) -> (TriangleMesh, Skeleton, SkinWeights) {
+    pub(in crate::pbd) fn prism(radius: impl Fn(f64) -> f64) -> (TriangleMesh, Skeleton, SkinWeights) {
         let xs: Vec<f64> = (-12..=12).map(|i| f64::from(i) * 0.5).collect();
         let around = (0..SIDES).map(|k| std::f64::consts::TAU * f64::from(k) / f64::from(SIDES));
         let circle: Vec<DVec3> = around.map(|angle| DVec3::new(0.0, angle.cos(), angle.sin())).collect();

@@ -3,15 +3,20 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::areas::JointAreas;
+use super::areas::{self, JointAreas};
 use super::island::Island;
 use super::masks::PatchMasks;
-use super::patch::{PatchInput, build_patch};
+use super::patch::{self, PatchInput, build_patch, count};
 use super::{PbdError, PbdSettings};
 use crate::cage::WindingNumber;
 use crate::mesh::{Adjacency, SurfaceQuery, Topology, TriangleMesh};
 use crate::rig::Skeleton;
 use crate::skinning::SkinWeights;
+
+/// A patch with so many times the tetrahedra that limbs of its joints' thickness would have is not in limbs.
+const FILLED: f64 = 2.5;
+/// Patches with so few tetrahedra may have them.
+const FEW: f64 = 500.0;
 
 /// Islands of all joint areas, the largest first; none for a mesh without triangles.
 ///
@@ -49,9 +54,10 @@ pub(super) fn build_islands(
     };
     let patches: Result<Vec<Vec<Island>>, PbdError> = (0..areas.cell_sizes.len() as u32)
         .into_par_iter()
-        .map(|patch| build_patch(&input, patch, settings.cell_size))
+        .map(|patch| build_patch(&input, patch, settings.cell_size, patch::MOST_TETRAHEDRA))
         .collect();
-    let mut islands: Vec<Island> = patches?.into_iter().flatten().collect();
+    let patches = with_coarser_faces(&input, patches?)?;
+    let mut islands: Vec<Island> = patches.into_iter().flatten().collect();
     // The largest first, so that no thread starts it last.
     islands.sort_by_key(|island| std::cmp::Reverse(island.tetrahedra.len()));
     Ok(islands)
@@ -75,6 +81,32 @@ fn outward_normals(mesh: &TriangleMesh, components: &[u32]) -> Vec<DVec3> {
         }
     }
     normals
+}
+
+/// Where all patches together have too many tetrahedra, those that fill something much thicker than
+/// their joints get coarser cells. The small bones of a face lie close under the skin of a head: how
+/// near they are says little about how thick it is, and cells as fine as that would go all through it.
+fn with_coarser_faces(
+    input: &PatchInput<'_>,
+    patches: Vec<Vec<Island>>,
+) -> Result<Vec<Vec<Island>>, PbdError> {
+    let total: usize = patches.iter().map(|islands| count(islands)).sum();
+    if total as f64 <= areas::MOST_TETRAHEDRA || input.areas.expected.is_empty() {
+        return Ok(patches);
+    }
+    (0..)
+        .zip(patches)
+        .collect::<Vec<(u32, Vec<Island>)>>()
+        .into_par_iter()
+        .map(|(patch, islands)| {
+            let expected = input.areas.expected[patch as usize];
+            let most = expected.max(FEW);
+            match count(&islands) as f64 > FILLED * most {
+                true => build_patch(input, patch, None, most as usize),
+                false => Ok(islands),
+            }
+        })
+        .collect()
 }
 
 #[cfg(test)]

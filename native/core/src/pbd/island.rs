@@ -4,7 +4,7 @@
 use glam::{Affine3A, DVec3, Mat3A, Vec3};
 use wide::f32x4;
 
-use super::active::is_still;
+use super::active::{Neighbours, is_still};
 use super::batches::Batches;
 use super::contact::JointContact;
 use super::lanes::{BATCH, Particle};
@@ -36,6 +36,7 @@ pub(super) struct Island {
     pub rest_lengths: Vec<[[f32; BATCH]; 1]>,
     /// Tetrahedra, every one with a free corner.
     pub tetrahedra: Vec<[u32; 4]>,
+    pub neighbours: Neighbours,
     pub tetrahedron_batches: Batches<4>,
     /// Rest volume, the same for all of them.
     pub rest_volume: f32,
@@ -96,6 +97,12 @@ impl Island {
         let matrix3 = Mat3A::from_cols(x * scale, y * scale, z * scale);
         let frame = Affine3A { matrix3, translation: reference.translation };
         (scale > f32::MIN_POSITIVE && frame.inverse().is_finite()).then_some(frame)
+    }
+
+    /// Bones whose transforms the solution depends on, some more than once.
+    pub(super) fn dependencies(&self) -> impl Iterator<Item = usize> + '_ {
+        let joints = self.cage_contacts.iter().flat_map(|contact| [contact.bone, contact.parent]);
+        self.bones.iter().map(|&(bone, _)| bone).chain(joints).map(|bone| bone as usize)
     }
 
     /// True where no bone has moved relative to the frame, up to rounding.

@@ -60,6 +60,10 @@ pub(super) trait OnLanes {
 
 /// Runs on the widest registers that this machine has.
 pub(super) fn on_widest_lanes(task: impl OnLanes) {
+    #[cfg(test)]
+    if tests::are_portable() {
+        return task.run(Portable);
+    }
     #[cfg(target_arch = "x86_64")]
     if let Some(avx2) = Avx2::detect() {
         return avx2.run(task);
@@ -133,8 +137,26 @@ impl Real for f32x4 {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use std::cell::Cell;
+
     use super::*;
     use crate::pbd::{project_energy, project_stretch, project_volume};
+
+    thread_local! {
+        static PORTABLE: Cell<bool> = const { Cell::new(false) };
+    }
+
+    pub(super) fn are_portable() -> bool {
+        PORTABLE.get()
+    }
+
+    /// Runs with the lanes that every machine has, on this thread.
+    pub(in crate::pbd) fn on_portable_lanes<T>(run: impl FnOnce() -> T) -> T {
+        PORTABLE.set(true);
+        let result = run();
+        PORTABLE.set(false);
+        result
+    }
 
     fn particle(i: usize) -> Particle {
         let x = i as f32;

@@ -3,7 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::DVec3;
+use rayon::prelude::*;
 
+use super::active::Neighbours;
 use super::areas::{JointArea, JointAreas};
 use super::batches::Batches;
 use super::contact_setup::joint_contacts;
@@ -37,7 +39,7 @@ const SMOOTH_FIDELITY: f64 = 0.1;
 /// How closely they are made to follow in order to see whether the cage can speak for a vertex.
 const FAITHFUL: f64 = 10.0;
 /// Largest patch whose cell size was not asked for; more cannot be solved while animating.
-const MOST_TETRAHEDRA: usize = 100_000;
+pub(super) const MOST_TETRAHEDRA: usize = 100_000;
 /// Growth of the cells of a patch that has more.
 const COARSER: f64 = 1.3;
 /// Rings of cells around what is free.
@@ -65,17 +67,18 @@ pub(super) struct PatchInput<'a> {
 }
 
 /// Builds the islands of a patch. A cell size that was not asked for grows until the patch has no
-/// more than [`MOST_TETRAHEDRA`].
+/// more than `most` tetrahedra.
 pub(super) fn build_patch(
     input: &PatchInput<'_>,
     patch: u32,
     cell_size: Option<f64>,
+    most: usize,
 ) -> Result<Vec<Island>, PbdError> {
     let mut size = input.areas.cell_sizes[patch as usize];
     loop {
         let islands = build_cells(input, patch, size);
         let too_many = match &islands {
-            Ok(islands) => islands.iter().map(|i| i.tetrahedra.len()).sum::<usize>() > MOST_TETRAHEDRA,
+            Ok(islands) => count(islands) > most,
             Err(PbdError::Cage(CageError::TooManyCells { .. })) => true,
             Err(_) => false,
         };
@@ -84,6 +87,11 @@ pub(super) fn build_patch(
         }
         size *= COARSER;
     }
+}
+
+/// Tetrahedra of islands.
+pub(super) fn count(islands: &[Island]) -> usize {
+    islands.iter().map(|island| island.tetrahedra.len()).sum()
 }
 
 fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec<Island>, PbdError> {
@@ -100,6 +108,7 @@ fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec
     };
     let cage = LatticeCage::new(input.mesh, input.winding, lattice, &triangles, &region)?;
     let embeddings: Vec<Option<Embedding>> = (0..input.mesh.vertex_count())
+        .into_par_iter()
         .map(|v| {
             (in_region[v] > 0.0).then(|| embed(&lattice, &cage.index_of, input.mesh.vertices()[v])).flatten()
         })
@@ -123,7 +132,7 @@ fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec
         }
     };
     Ok(split(&freedom, cage.mesh.tetrahedra())
-        .into_iter()
+        .into_par_iter()
         .map(|tetrahedra| {
             let island =
                 build_island(input, patch, &areas, &cage, &rows, &fit, &freedom, &embeddings, &tetrahedra);
@@ -139,12 +148,13 @@ fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec
 
 /// 1 for vertices within the margin of what is free, 0.5 for a border as wide, 0 elsewhere.
 fn region_vertices(input: &PatchInput<'_>, patch: u32, areas: &[JointArea], cell_size: f64) -> Vec<f64> {
-    let seeds = (0..input.mesh.vertex_count()).filter(|&v| {
+    let is_free = |&v: &usize| {
         let row: Vec<(u32, f64)> = input.weights.entries(v).map(|(b, w)| (b, w.into())).collect();
         input.masks.mask(v, patch) > 0.0 && freedom(input, areas, &row, input.mesh.vertices()[v]) > 0.0
-    });
+    };
+    let seeds: Vec<usize> = (0..input.mesh.vertex_count()).into_par_iter().filter(is_free).collect();
     let margin = MARGIN_CELLS * cell_size;
-    geodesic_distances(input.mesh, input.adjacency, seeds, 2.0 * margin)
+    geodesic_distances(input.mesh, input.adjacency, seeds.into_iter(), 2.0 * margin)
         .into_iter()
         .map(|distance| match distance {
             Some(d) if d <= margin => 1.0,
@@ -299,6 +309,7 @@ fn build_island(
     let rest: Vec<_> = particles.iter().map(|&p| position(p).as_vec3()).collect();
     let (low, high) = rest.iter().fold((rest[0], rest[0]), |(l, h), &p| (l.min(p), h.max(p)));
     Island {
+        neighbours: Neighbours::new(rest.len(), &tetrahedra),
         cage_contacts,
         contacts,
         weights,

@@ -10,16 +10,19 @@ use rayon::prelude::*;
 use super::build::build_islands;
 use super::contact_shape::reshaped;
 use super::island::Island;
+use super::pose_scratch::{IslandScratch, PoseScratch, SurfaceScratch};
 use super::smoothing::smooth_correction;
-use super::solver::{Scratch, solve_island};
-use super::stats::{ConstraintCounts, Milliseconds, Stats};
+use super::stats::{ConstraintCounts, Milliseconds, Stats, Work};
 use super::stiffness::check_shares;
+use super::surface::{MovedVertices, PlainSkin};
 use super::surface_contact::SurfaceContacts;
 use super::{PbdError, PbdSettings, SkinningMethod};
 use crate::cage::TetMesh;
 use crate::mesh::{Adjacency, TriangleMesh};
 use crate::rig::Skeleton;
-use crate::skinning::{SkinWeights, Skinning, SkinningError, check_transforms, to_rest_space};
+use crate::skinning::{
+    RestSpaceOffsets, SkinWeights, Skinning, SkinningError, check_transforms, to_rest_space,
+};
 
 /// A character's skin with volume-keeping joints. History-free: the same arguments give the same
 /// bits, whatever was solved before and on any number of threads.
@@ -31,23 +34,12 @@ pub struct PbdSkin {
     adjacency: Adjacency,
     islands: Vec<Island>,
     contacts: Vec<SurfaceContacts>,
-    /// Vertices that some island moves, ascending.
-    moved: Vec<u32>,
+    moved: MovedVertices,
     constraints: ConstraintCounts,
     build_milliseconds: f64,
     pool: Option<rayon::ThreadPool>,
-    /// Buffers of solves that are over, for the next ones.
-    scratch: Mutex<Vec<Vec<IslandScratch>>>,
-}
-
-#[derive(Default)]
-struct IslandScratch {
-    local: Vec<Affine3A>,
-    solver: Scratch,
-    /// The frame, where the island is active.
-    frame: Option<Affine3A>,
-    milliseconds: f64,
-    inverted: usize,
+    /// What solves that are over have left, for the next ones.
+    scratch: Mutex<Vec<PoseScratch>>,
 }
 
 /// A solved pose.
@@ -68,14 +60,6 @@ pub struct SolvedOffsets {
     pub limited: usize,
     /// What it took.
     pub stats: Stats,
-}
-
-/// A pose: how it is skinned plainly, what becomes of the vertices so, and what is solved.
-struct Posed<'a> {
-    skinning: Skinning<'a>,
-    plain: Vec<Vec3>,
-    solved: Vec<Vec3>,
-    stats: Stats,
 }
 
 impl PbdSkin {
@@ -127,10 +111,8 @@ impl PbdSkin {
         let build =
             || build_islands(mesh, skeleton, weights, settings, stiffness_shares, &topology, &adjacency);
         let islands = pool.as_ref().map_or_else(build, |pool| pool.install(build))?;
-        let mut moved: Vec<u32> = islands.iter().flat_map(|i| i.surface.iter().map(|p| p.vertex)).collect();
-        moved.sort_unstable();
-        moved.dedup();
-        let contacts = islands.iter().map(|island| SurfaceContacts::new(mesh, island)).collect();
+        let moved = MovedVertices::new(&islands);
+        let contacts = islands.par_iter().map(|island| SurfaceContacts::new(mesh, island)).collect();
         let constraints = ConstraintCounts::of(&islands, settings);
         Ok(Self {
             settings: settings.clone(),
@@ -170,8 +152,21 @@ impl PbdSkin {
     pub fn solve(&self, transforms: &[Affine3A], vertices: Option<&[Vec3]>) -> Result<SolvedSkin, PbdError> {
         self.check_pose(transforms, vertices)?;
         Ok(self.on_threads(|| {
-            let posed = self.pose(transforms, vertices.unwrap_or(&self.rest));
-            SolvedSkin { vertices: posed.solved, stats: posed.stats }
+            let begin = Instant::now();
+            let skinning = self.skinning(transforms);
+            let mut positions = vec![Vec3::ZERO; self.rest.len()];
+            skinning.all_into(vertices.unwrap_or(&self.rest), &self.weights, &mut positions);
+            let skinned = milliseconds(begin);
+            let mut scratch = self.take_scratch();
+            let PoseScratch { islands, surface, .. } = &mut scratch;
+            let mut stats = self.solve_islands(transforms, islands);
+            let surface_begin = Instant::now();
+            self.correct(&skinning, vertices, islands, surface, &mut positions, &mut stats.work);
+            stats.milliseconds.surface = milliseconds(surface_begin);
+            stats.milliseconds.skinning = skinned;
+            stats.milliseconds.total = milliseconds(begin);
+            self.give_scratch(scratch);
+            SolvedSkin { vertices: positions, stats }
         }))
     }
 
@@ -192,15 +187,28 @@ impl PbdSkin {
             check_shares("shares", shares, self.rest.len())?;
         }
         Ok(self.on_threads(|| {
-            let Posed { skinning, plain, mut solved, mut stats } =
-                self.pose(transforms, vertices.unwrap_or(&self.rest));
             let begin = Instant::now();
-            for (vertex, (solved, plain)) in solved.iter_mut().zip(&plain).enumerate() {
-                *solved = (*solved - *plain) * shares.map_or(1.0, |shares| shares[vertex]);
+            let skinning = self.skinning(transforms);
+            let mut scratch = self.take_scratch();
+            let PoseScratch { islands, plain, solved, surface } = &mut scratch;
+            let mut stats = self.solve_islands(transforms, islands);
+            let mut rest = RestSpaceOffsets::zero(self.rest.len());
+            if stats.active_islands > 0 {
+                let skinning_begin = Instant::now();
+                plain.resize(self.rest.len(), Vec3::ZERO);
+                skinning.all_into(vertices.unwrap_or(&self.rest), &self.weights, plain);
+                stats.milliseconds.skinning = milliseconds(skinning_begin);
+                let surface_begin = Instant::now();
+                solved.clone_from(plain);
+                self.correct(&skinning, vertices, islands, surface, solved, &mut stats.work);
+                for (vertex, (solved, plain)) in solved.iter_mut().zip(plain).enumerate() {
+                    *solved = (*solved - *plain) * shares.map_or(1.0, |shares| shares[vertex]);
+                }
+                rest = to_rest_space(&skinning, &self.weights, solved, shares);
+                stats.milliseconds.surface = milliseconds(surface_begin);
             }
-            let rest = to_rest_space(&skinning, &self.weights, &solved, shares);
-            stats.milliseconds.surface += milliseconds(begin);
-            stats.milliseconds.total += milliseconds(begin);
+            stats.milliseconds.total = milliseconds(begin);
+            self.give_scratch(scratch);
             SolvedOffsets { offsets: rest.offsets, limited: rest.limited, stats }
         }))
     }
@@ -223,107 +231,69 @@ impl PbdSkin {
         }
     }
 
-    fn pose<'a>(&self, transforms: &'a [Affine3A], vertices: &[Vec3]) -> Posed<'a> {
-        let begin = Instant::now();
-        let skinning = match self.settings.skinning {
+    fn skinning<'a>(&self, transforms: &'a [Affine3A]) -> Skinning<'a> {
+        match self.settings.skinning {
             SkinningMethod::Linear => Skinning::linear(transforms),
             SkinningMethod::DualQuaternion => {
                 Skinning::dual_quaternion(transforms, self.bone_rest.as_deref())
             }
-        };
-        let mut plain = vec![Vec3::ZERO; vertices.len()];
-        skinning.all_into(vertices, &self.weights, &mut plain);
-        let skinning_milliseconds = milliseconds(begin);
-
-        let islands_begin = Instant::now();
-        let mut scratch = self.take_scratch();
-        self.islands.par_iter().zip(&mut scratch).with_max_len(1).for_each(|(island, scratch)| {
-            self.solve_one(island, transforms, scratch);
-        });
-        let islands_milliseconds = milliseconds(islands_begin);
-
-        let surface_begin = Instant::now();
-        let mut solved = plain.clone();
-        self.correct(&skinning, vertices, &scratch, &mut solved);
-        let stats = Stats {
-            vertices: self.rest.len(),
-            moved_vertices: self.moved.len(),
-            tetrahedra: self.islands.iter().map(|i| i.tetrahedra.len()).sum(),
-            islands: self.islands.len(),
-            active_islands: scratch.iter().filter(|s| s.frame.is_some()).count(),
-            constraints: self.constraints,
-            inverted: scratch.iter().map(|s| s.inverted).sum(),
-            milliseconds: Milliseconds {
-                build: self.build_milliseconds,
-                skinning: skinning_milliseconds,
-                solve: islands_milliseconds,
-                surface: milliseconds(surface_begin),
-                total: milliseconds(begin),
-            },
-        };
-        self.give_scratch(scratch);
-        Posed { skinning, plain, solved, stats }
+        }
     }
 
-    fn solve_one(&self, island: &Island, transforms: &[Affine3A], scratch: &mut IslandScratch) {
+    fn solve_islands(&self, transforms: &[Affine3A], scratch: &mut [IslandScratch]) -> Stats {
         let begin = Instant::now();
-        scratch.inverted = 0;
-        scratch.frame = island.frame(transforms);
-        if let Some(frame) = scratch.frame {
-            let inverse = frame.inverse();
-            scratch.local.clear();
-            scratch.local.extend(transforms.iter().map(|t| inverse * *t));
-            if island.is_at_rest(&scratch.local) {
-                scratch.frame = None;
-            } else {
-                solve_island(island, &self.settings, &scratch.local, &mut scratch.solver);
-                scratch.inverted = scratch.solver.inverted(island);
-                if !scratch.solver.is_finite() {
-                    // Overflow by absurd transforms: the plain skin is all that can be shown.
-                    scratch.frame = None;
-                    scratch.inverted = 0;
-                }
-            }
+        // Whichever thread is free takes the next island, the largest first.
+        self.islands.iter().zip(scratch.iter_mut()).par_bridge().for_each(|(island, scratch)| {
+            scratch.solve(island, &self.settings, transforms);
+        });
+        let active = || scratch.iter().filter(|s| s.frame.is_some());
+        Stats {
+            active_islands: active().count(),
+            inverted: active().map(|s| s.inverted).sum(),
+            work: scratch.iter().fold(Work::default(), |sum, s| sum.plus(s.work)),
+            milliseconds: Milliseconds {
+                build: self.build_milliseconds,
+                solve: milliseconds(begin),
+                ..Milliseconds::default()
+            },
+            ..self.build_stats()
         }
-        scratch.milliseconds = milliseconds(begin);
     }
 
     /// Moves the plainly skinned surface to where its islands have solved it.
     fn correct(
         &self,
         skinning: &Skinning<'_>,
-        vertices: &[Vec3],
+        vertices: Option<&[Vec3]>,
         scratch: &[IslandScratch],
+        surface: &mut SurfaceScratch,
         positions: &mut [Vec3],
+        work: &mut Work,
     ) {
         if scratch.iter().all(|s| s.frame.is_none()) {
             return;
         }
-        let mut correction = vec![Vec3::ZERO; positions.len()];
-        for (island, scratch) in self.islands.iter().zip(scratch) {
-            let Some(frame) = &scratch.frame else { continue };
-            for point in &island.surface {
-                let vertex = point.vertex as usize;
-                let solved = point.position(&scratch.solver.particles);
-                let plain = skinning.vertex(self.rest[vertex], self.weights.row(vertex));
-                correction[vertex] += point.share * (frame.transform_point3(solved) - plain);
-            }
-        }
+        let vertices = vertices.unwrap_or(&self.rest);
+        let is_rest = vertices == self.rest;
+        let SurfaceScratch { moved, all, smoothed } = surface;
+        let plain = PlainSkin {
+            skinning,
+            weights: &self.weights,
+            rest: &self.rest,
+            skinned: is_rest.then_some(&*positions),
+        };
+        work.corrected_vertices = self.moved.corrections(&self.islands, scratch, &plain, moved);
+        let chosen = &self.moved.vertices;
         if self.settings.smoothing > 0.0 {
-            let mut buffer = Vec::new();
-            smooth_correction(
-                &mut correction,
-                &self.moved,
-                &self.adjacency,
-                self.settings.smoothing,
-                &mut buffer,
-            );
+            all.resize(positions.len(), Vec3::ZERO);
+            chosen.iter().zip(&*moved).for_each(|(&vertex, &correction)| all[vertex as usize] = correction);
+            smooth_correction(all, chosen, &self.adjacency, self.settings.smoothing, smoothed);
+            moved.clone_from(smoothed);
         }
-        for &vertex in &self.moved {
-            positions[vertex as usize] += correction[vertex as usize];
+        for (&vertex, &correction) in chosen.iter().zip(&*moved) {
+            positions[vertex as usize] += correction;
         }
         if self.settings.self_collision {
-            let is_rest = vertices == self.rest;
             for ((island, contacts), scratch) in self.islands.iter().zip(&self.contacts).zip(scratch) {
                 let Some(frame) = &scratch.frame else { continue };
                 if is_rest {
@@ -336,14 +306,14 @@ impl PbdSkin {
         }
     }
 
-    fn take_scratch(&self) -> Vec<IslandScratch> {
+    fn take_scratch(&self) -> PoseScratch {
         let kept = self.scratch.lock().map_or(None, |mut pool| pool.pop());
         let mut scratch = kept.unwrap_or_default();
-        scratch.resize_with(self.islands.len(), IslandScratch::default);
+        scratch.islands.resize_with(self.islands.len(), IslandScratch::default);
         scratch
     }
 
-    fn give_scratch(&self, scratch: Vec<IslandScratch>) {
+    fn give_scratch(&self, scratch: PoseScratch) {
         if let Ok(mut pool) = self.scratch.lock() {
             pool.push(scratch);
         }
@@ -371,7 +341,7 @@ impl PbdSkin {
     pub fn build_stats(&self) -> Stats {
         Stats {
             vertices: self.rest.len(),
-            moved_vertices: self.moved.len(),
+            moved_vertices: self.moved.vertices.len(),
             tetrahedra: self.islands.iter().map(|i| i.tetrahedra.len()).sum(),
             islands: self.islands.len(),
             constraints: self.constraints,

@@ -7,8 +7,9 @@ use wide::f32x4;
 use super::active::ActivePart;
 use super::contact::{ContactScratch, Firmness};
 use super::fold_plane::FoldPlane;
-use super::island::{Bind, Island};
+use super::island::{Bind, Island, SurfacePoint};
 use super::lanes::{BATCH, Particle, on_widest_lanes};
+use super::stats::Work;
 use super::sweeps::{EnergySweep, StretchSweep, VolumeSweep};
 use super::untangle::{count_inverted, untangle};
 use super::{PbdSettings, Start, project_bind};
@@ -35,12 +36,20 @@ pub(super) struct Scratch {
     bends: Vec<(u32, u32, f32)>,
     /// Batches with tetrahedra that are too flat.
     flat: Vec<u32>,
+    /// What the pose took.
+    pub work: Work,
 }
 
 impl Scratch {
     /// False where absurd transforms have made the result overflow.
     pub(super) fn is_finite(&self) -> bool {
         self.particles.iter().all(|particle| particle.to_array().iter().all(|x| x.is_finite()))
+    }
+
+    /// False for a point of the surface that is as far from all that has moved as if at rest; `bones` are
+    /// those of its vertex.
+    pub(super) fn concerns(&self, point: &SurfacePoint, bones: &[u32]) -> bool {
+        point.corners.iter().any(|&corner| self.active.is_concerned(corner)) || self.active.has_moved(bones)
     }
 
     /// Tetrahedra that are inside out. Those that the pose does not concern are as in rest.
@@ -70,8 +79,10 @@ pub(super) fn solve_island(
     if settings.self_collision {
         scratch.folds.extend(island.cage_contacts.iter().map(|contact| contact.fold_plane(transforms)));
     }
-    scratch.active.find(island, transforms, &scratch.folds);
+    scratch.active.carry(island, transforms);
     start(island, settings, transforms, scratch);
+    free_concerned(island, scratch);
+    scratch.work = Work { solved_islands: 1, ..Work::default() };
     scratch.listed = false;
     scratch.sweeps = 0;
     for iteration in 0..settings.iterations {
@@ -100,7 +111,8 @@ pub(super) fn solve_island(
     }
 }
 
-/// The start state: particles skinned by their own weights.
+/// The start state: particles skinned by their own weights, none of them free yet. What no moved bone
+/// carries is where it was.
 fn start(island: &Island, settings: &PbdSettings, transforms: &[Affine3A], scratch: &mut Scratch) {
     let Scratch { particles, folds, active, bends, .. } = scratch;
     let linear = match settings.start {
@@ -119,18 +131,37 @@ fn start(island: &Island, settings: &PbdSettings, transforms: &[Affine3A], scrat
     let blended = Skinning::linear(transforms);
     let skinning = if linear { blended.clone() } else { Skinning::dual_quaternion(transforms, None) };
     particles.clear();
-    particles.extend(island.rest.iter().zip(&active.inverse_masses).enumerate().map(
-        |(i, (&rest, &mass))| {
+    particles.extend(island.rest.iter().enumerate().map(|(i, &rest)| {
+        let mut place = rest;
+        if active.is_concerned(i as u32) {
             let row = island.weights.row(i);
-            let mut skinned = skinning.vertex(rest, row);
-            let share = if mass > 0.0 { linear_share(row, bends) } else { 0.0 };
+            place = skinning.vertex(rest, row);
+            let share = if island.inverse_masses[i] > 0.0 { linear_share(row, bends) } else { 0.0 };
             if share > 0.0 {
-                skinned = skinned.lerp(blended.vertex(rest, row), share);
+                place = place.lerp(blended.vertex(rest, row), share);
             }
-            f32x4::new([skinned.x, skinned.y, skinned.z, mass])
-        },
-    ));
+        }
+        f32x4::new([place.x, place.y, place.z, 0.0])
+    }));
     particles.push(f32x4::splat(0.0));
+}
+
+/// Frees what the pose concerns: what moved bones carry, what may come into contact from the start
+/// state, and the rings around it.
+fn free_concerned(island: &Island, scratch: &mut Scratch) {
+    list_near(island, scratch);
+    let Scratch { active, particles, folds, near, .. } = scratch;
+    for ((contact, fold), near) in island.cage_contacts.iter().zip(folds).zip(near) {
+        for &candidate in near.iter().filter(|_| fold.is_some()) {
+            let point = &island.surface[contact.vertices[candidate as usize].element as usize];
+            point.corners.iter().for_each(|&corner| active.add(corner));
+        }
+    }
+    active.complete(island);
+    for (particle, &mass) in particles.iter_mut().zip(&active.inverse_masses) {
+        let [x, y, z, _] = particle.to_array();
+        *particle = f32x4::new([x, y, z, mass]);
+    }
 }
 
 /// Where a joint bends, the start is half way from dual quaternions to linear blending, which sinks
@@ -154,20 +185,23 @@ fn linear_share((bones, weights): (&[u32], &[f32]), bends: &[(u32, u32, f32)]) -
 
 fn sweep_stretch(island: &Island, stiffness: f32, backwards: bool, scratch: &mut Scratch) {
     if stiffness > 0.0 {
-        let Scratch { active, particles, .. } = scratch;
+        let Scratch { active, particles, work, .. } = scratch;
+        work.projections += BATCH * active.edges.len();
         on_widest_lanes(StretchSweep { island, active, particles, stiffness, backwards });
     }
 }
 
 fn sweep_volume(island: &Island, stiffness: f32, backwards: bool, scratch: &mut Scratch) {
     if stiffness > 0.0 {
-        let Scratch { active, particles, .. } = scratch;
+        let Scratch { active, particles, work, .. } = scratch;
+        work.projections += BATCH * active.tetrahedra.len();
         on_widest_lanes(VolumeSweep { island, active, particles, stiffness, backwards });
     }
 }
 
 fn sweep_bind(island: &Island, stiffness: f32, scratch: &mut Scratch) {
-    let Scratch { particles, anchors, active, .. } = scratch;
+    let Scratch { particles, anchors, active, work, .. } = scratch;
+    work.projections += anchors.len();
     for (bind, &anchor) in island.binds.iter().zip(anchors.iter()) {
         let particle = bind.particle as usize;
         // A heavier particle, where the island ends, follows less.
@@ -181,7 +215,8 @@ fn sweep_bind(island: &Island, stiffness: f32, scratch: &mut Scratch) {
 
 fn sweep_energy(island: &Island, settings: &PbdSettings, scratch: &mut Scratch) {
     if settings.energy > 0.0 {
-        let Scratch { active, particles, multipliers, .. } = scratch;
+        let Scratch { active, particles, multipliers, work, .. } = scratch;
+        work.projections += BATCH * active.tetrahedra.len();
         on_widest_lanes(EnergySweep { island, active, particles, multipliers, settings });
     }
 }
@@ -208,7 +243,7 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
         list_near(island, scratch);
         scratch.listed = true;
     }
-    let Scratch { particles, folds, candidates, near, sweeps, contacts, active, .. } = scratch;
+    let Scratch { particles, folds, candidates, near, sweeps, contacts, active, work, .. } = scratch;
     let refill = *sweeps % FIELD_SWEEPS == 0;
     *sweeps += 1;
     contacts.resize_with(folds.len(), ContactScratch::default);
@@ -220,6 +255,7 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
         }
         let point_of =
             |listed: usize| &island.surface[contact.vertices[near[listed] as usize].element as usize];
+        work.contact_candidates += near.len();
         candidates.clear();
         candidates.extend((0..near.len()).map(|listed| point_of(listed).position(particles)));
         contact.pushes(fold, near, candidates, refill, Firmness::CAGE, found);
@@ -248,3 +284,44 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
 /// Σ w b² of a tetrahedron whose corners are all free and share a push alike; what has less takes a
 /// part of a push only.
 const LEAST_CONTACT_MASS: f32 = 0.25;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Adjacency;
+    use crate::pbd::areas::tests::prism;
+    use crate::pbd::build::build_islands;
+    use crate::pbd::lanes::tests::on_portable_lanes;
+
+    /// Of the prism, which runs from -6 to 6.
+    const HEIGHT: f32 = 12.0;
+
+    #[test]
+    fn solutions_on_all_lane_widths_agree_to_a_millionth_of_the_height() {
+        let (mesh, skeleton, weights) = prism(|_| 1.0);
+        let topology = mesh.topology();
+        let adjacency = Adjacency::new(mesh.vertex_count(), &topology);
+        let turned = |x: f32, turn: Affine3A| {
+            Affine3A::from_translation(Vec3::X * x) * turn * Affine3A::from_translation(Vec3::X * -x)
+        };
+        let bend = turned(-2.0, Affine3A::from_rotation_z(1.4));
+        let pose = [Affine3A::IDENTITY, bend, bend * turned(2.0, Affine3A::from_rotation_x(2.0))];
+        for settings in [PbdSettings::default(), PbdSettings::paper()] {
+            let islands =
+                build_islands(&mesh, &skeleton, &weights, &settings, None, &topology, &adjacency).unwrap();
+            assert!(!islands.is_empty());
+            for island in &islands {
+                let solve = || {
+                    let mut scratch = Scratch::default();
+                    solve_island(island, &settings, &pose, &mut scratch);
+                    assert!(scratch.work.projections > 1000 && scratch.is_finite());
+                    scratch.particles.iter().map(|p| p.to_array()).collect::<Vec<_>>()
+                };
+                let (widest, portable) = (solve(), on_portable_lanes(solve));
+                let differences = widest.iter().flatten().zip(portable.iter().flatten());
+                let largest = differences.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                assert!(largest <= 1e-6 * HEIGHT, "{largest}");
+            }
+        }
+    }
+}

@@ -22,6 +22,37 @@ pub struct Stats {
     pub inverted: usize,
     /// Where the time went.
     pub milliseconds: Milliseconds,
+    /// What was computed. Like the time, and unlike the result, it depends on the poses before.
+    pub work: Work,
+}
+
+/// Counted work of a pose: the same on every machine and on any number of threads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Work {
+    /// Islands that were solved.
+    pub solved_islands: usize,
+    /// Islands that were as the pose before had left them.
+    pub reused_islands: usize,
+    /// Constraints projected, idle lanes included, in all sweeps.
+    pub projections: usize,
+    /// Contact candidates looked at in all sweeps over the cage.
+    pub contact_candidates: usize,
+    /// Vertices whose correction was computed.
+    pub corrected_vertices: usize,
+}
+
+impl Work {
+    /// The work of both.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            solved_islands: self.solved_islands + other.solved_islands,
+            reused_islands: self.reused_islands + other.reused_islands,
+            projections: self.projections + other.projections,
+            contact_candidates: self.contact_candidates + other.contact_candidates,
+            corrected_vertices: self.corrected_vertices + other.corrected_vertices,
+        }
+    }
 }
 
 /// Constraints by kind.

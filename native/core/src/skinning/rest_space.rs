@@ -22,6 +22,14 @@ pub struct RestSpaceOffsets {
     pub limited: usize,
 }
 
+impl RestSpaceOffsets {
+    /// No offset for so many vertices.
+    #[must_use]
+    pub fn zero(vertex_count: usize) -> Self {
+        Self { offsets: vec![Vec3::ZERO; vertex_count], limited: 0 }
+    }
+}
+
 /// Takes offsets (V) of the skinned surface back to rest by the inverse of each vertex's blended
 /// matrix M, or of (1 − s) I + s M where `shares` s (V) of the vertices follow the skinning. Nearly
 /// singular matrices are limited, so that no vertex is thrown away, and counted. Vertices without

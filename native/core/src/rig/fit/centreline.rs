@@ -123,10 +123,30 @@ impl Centreline {
             return None;
         }
         Some(match at {
-            BaseAt::Surface => self.lengths[rise],
+            BaseAt::Surface => {
+                let (below, above) = (relative(rise), relative(rise + 1));
+                let share = (0.5 * relative(peak) - below) / (above - below).max(f64::MIN_POSITIVE);
+                let (from, to) = (self.lengths[rise], self.lengths[rise + 1]);
+                from + (to - from) * share.clamp(0.0, 1.0)
+            }
             // Thin limbs on thick trunks grow fastest soon, thick ones late.
-            BaseAt::Inside => 0.5 * (self.lengths[peak] + self.lengths[largest(&absolute)?]),
+            BaseAt::Inside => {
+                let steepest = largest(&absolute)?;
+                0.5 * (self.summit(peak, &inside, &relative) + self.summit(steepest, &inside, &absolute))
+            }
         })
+    }
+
+    /// Length at which a parabola through the values at a slice and beside it has its summit.
+    fn summit(&self, slice: usize, inside: &[usize], value: &dyn Fn(usize) -> f64) -> f64 {
+        if slice == inside[0] || slice == inside[inside.len() - 1] {
+            return self.lengths[slice];
+        }
+        let [before, here, after] = [slice - 1, slice, slice + 1].map(value);
+        let bend = (before - 2.0 * here + after).min(-f64::MIN_POSITIVE);
+        let step = (0.5 * (before - after) / bend).clamp(-0.5, 0.5);
+        let next = if step < 0.0 { slice - 1 } else { slice + 1 };
+        self.lengths[slice] + (self.lengths[next] - self.lengths[slice]) * step.abs()
     }
 
     /// The narrowest place near a length, such as a knee; the length itself where there is none.
@@ -138,7 +158,7 @@ impl Centreline {
         let (Some(&first), Some(&last)) = (window.first(), window.last()) else { return length };
         let narrowest = window.iter().copied().min_by(|&a, &b| area(a).total_cmp(&area(b)));
         let is_narrow = |i: &usize| area(*i) < (1.0 - NARROWER) * area(first).min(area(last));
-        narrowest.filter(is_narrow).map_or(length, |i| self.lengths[i])
+        narrowest.filter(is_narrow).map_or(length, |i| self.summit(i, &window, &|i| -area(i)))
     }
 
     /// Radius of each of two equal limbs side by side that make up the slice at a length.

@@ -24,6 +24,8 @@ const MOST_INSIDE: f64 = 60_000.0;
 const FAR_ASIDE: f64 = 10.0;
 /// How far beside a triangle, in voxels, to look whether it is inside of the body.
 const BESIDE: f64 = 0.1;
+/// Depths are rounded to this share of a voxel: mirror images are equally deep, whatever the last digits say.
+const ROUNDING: f64 = 1.0 / 256.0;
 /// Gaps up to this share of the body's size are bridged.
 const BRIDGE: f64 = 0.05;
 
@@ -57,7 +59,8 @@ impl DistanceField {
         let coarse = VoxelGrid::new(low, high, extent / COARSE).fill(mesh, &winding, &surface, progress)?;
         let count = coarse.inside.iter().filter(|&&inside| inside).count() as f64;
         let fullest = (MOST_INSIDE / count.max(1.0)).cbrt();
-        let cell = (coarse.cell / fullest).max(extent / FINEST);
+        // A whole number of voxels along the body, so that a voxel more or less in the first look changes nothing.
+        let cell = extent / (extent * fullest / coarse.cell).min(FINEST).round().max(1.0);
         progress.report(0.2)?;
         let grid = VoxelGrid::new(low, high, cell).fill(mesh, &winding, &surface, progress)?;
         progress.report(0.6)?;
@@ -69,6 +72,7 @@ impl DistanceField {
             .voxels
             .par_iter()
             .map(|&voxel| outer.closest_point(field.centre(voxel)).map_or(0.0, |found| found.distance))
+            .map(|depth| (depth / (ROUNDING * cell)).round() * ROUNDING * cell)
             .collect();
         progress.report(1.0)?;
         Ok(field)

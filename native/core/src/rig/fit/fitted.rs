@@ -82,7 +82,15 @@ pub fn fit_skeleton(
     let body_bones = without_ground_roots(template, &choices.deform);
     let mirror = TemplateMirror::new(template, &joints, &body_bones);
     let reduced = ReducedSkeleton::new(template, &joints, body_bones, mirror.as_ref());
-    let fit = Fit { template, joints: &joints, choices: &choices, field: &field, low, high };
+    let fit = Fit {
+        template,
+        joints: &joints,
+        mirror: mirror.as_ref(),
+        choices: &choices,
+        field: &field,
+        low,
+        high,
+    };
     let why = if part.share < LEAST_PIECE {
         "The mesh is in pieces far apart"
     } else if field.voxels.is_empty() {
@@ -119,6 +127,7 @@ pub fn fit_skeleton(
 struct Fit<'a> {
     template: &'a Skeleton,
     joints: &'a Joints,
+    mirror: Option<&'a TemplateMirror>,
     choices: &'a Choices,
     field: &'a DistanceField,
     low: DVec3,
@@ -172,8 +181,24 @@ impl Fit<'_> {
         let (lost, all) = shape.limbs;
         let inside = score::share_inside(&segments, self.field);
         let share = (all - lost) as f64 / all.max(1) as f64;
-        let score = inside * score::of_cost(shape.cost) * score::of_lengths(&lengths) * share * share;
+        let trunk = shape.trunk.iter().filter_map(|&j| Some((self.joints.points[j], shape.places[j]?)));
+        let across = self.mirror.map(|mirror| mirror.plane.normal);
+        let bare = score::bare_tips(&segments, self.field, &shape.tips, shape.diameter);
+        let score = inside
+            * score::of_cost(shape.cost)
+            * score::of_lengths(&lengths)
+            * score::of_trunk(&trunk.collect::<Vec<_>>(), across)
+            * score::of_bare_tips(&bare)
+            * share
+            * share;
         let message = match lost {
+            0 if !bare.is_empty() => {
+                let limbs = match bare.len() {
+                    1 => "1 limb of the mesh has".to_owned(),
+                    count => format!("{count} limbs of the mesh have"),
+                };
+                format!("{limbs} no bones; the template may be of another kind of creature.")
+            }
             0 if score < POOR_SCORE => {
                 "The fit is poor; the template may be of another kind of creature.".to_owned()
             }

@@ -36,12 +36,14 @@ impl<'a> Ways<'a> {
     /// where there is no way. `slowness` (N) stretches lengths; `None` is 1 everywhere.
     pub(super) fn distances(&self, sources: &[(u32, f64)], slowness: Option<&[f64]>) -> Vec<f64> {
         let count = self.field.voxels.len();
+        // In voxels, so that what is equally far in one grid is so in any other of the same voxels.
         let slow = |id: u32| slowness.map_or(1.0, |s| s[id as usize]);
         let mut distances = vec![f64::INFINITY; count];
         let mut accepted = vec![false; count];
         // Distances are not negative, so their bits are in the order of their values.
         let mut heap = BinaryHeap::new();
         for &(id, distance) in sources {
+            let distance = distance / self.field.cell;
             if distance < distances[id as usize] {
                 distances[id as usize] = distance;
                 heap.push(Reverse((distance.to_bits(), id)));
@@ -51,14 +53,13 @@ impl<'a> Ways<'a> {
             if std::mem::replace(&mut accepted[id as usize], true) {
                 continue;
             }
-            let here = self.field.position(id);
             for next in self.neighbours(id) {
                 if accepted[next as usize] {
                     continue;
                 }
-                let length = here.distance(self.field.position(next)) * 0.5 * (slow(id) + slow(next));
-                let mut distance = distances[id as usize] + length;
                 let step = self.field.voxels[next as usize] - self.field.voxels[id as usize];
+                let length = step.as_dvec3().length() * 0.5 * (slow(id) + slow(next));
+                let mut distance = distances[id as usize] + length;
                 if step.abs().element_sum() == 1 {
                     distance = distance.min(self.upwind(next, slow(next), &distances, &accepted));
                 }
@@ -68,6 +69,7 @@ impl<'a> Ways<'a> {
                 }
             }
         }
+        distances.iter_mut().for_each(|distance| *distance *= self.field.cell);
         distances
     }
 
@@ -83,7 +85,7 @@ impl<'a> Ways<'a> {
                 .fold(f64::INFINITY, f64::min)
         });
         lowest.sort_by(f64::total_cmp);
-        let length = self.field.cell * slow;
+        let length = slow;
         let mut best = lowest[0] + length;
         for used in 2..=3 {
             if best <= lowest[used - 1] || !lowest[used - 1].is_finite() {
@@ -105,10 +107,11 @@ impl<'a> Ways<'a> {
         let mut path = vec![from];
         let mut id = from;
         loop {
-            let here = self.field.position(id);
+            let here = self.field.voxels[id as usize];
             // Steepest descent: the fall per length, so that no direction is preferred.
             let fall = |next: u32| {
-                let length = here.distance(self.field.position(next)).max(f64::MIN_POSITIVE);
+                let step = self.field.voxels[next as usize] - here;
+                let length = step.as_dvec3().length().max(f64::MIN_POSITIVE);
                 (distances[id as usize] - distances[next as usize]) / length
             };
             let best = self

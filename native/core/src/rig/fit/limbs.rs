@@ -62,6 +62,11 @@ impl<'a> FoundLimb<'a> {
         self.limb.candidates().map(|i| (i, miss(i))).min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
+    /// Joint where the limb leaves the trunk.
+    pub(super) fn base(&self, scale: f64) -> Option<usize> {
+        self.base_joint(scale).map(|(joint, _)| self.limb.joints[joint])
+    }
+
     /// Whether a joint is between two long bones of a limb, as knees and elbows are.
     fn is_hinge(&self, joint: usize, limb: f64) -> bool {
         let lengths = &self.limb.lengths;

@@ -36,6 +36,12 @@ pub(super) struct Shape {
     /// Mean penalty of the embedding.
     pub(super) cost: f64,
     pub(super) symmetric: bool,
+    /// Joints of the trunk: branchings and where limbs begin, ascending.
+    pub(super) trunk: Vec<usize>,
+    /// Voxels at the body's tips.
+    pub(super) tips: Vec<u32>,
+    /// Longest way through the body.
+    pub(super) diameter: f64,
 }
 
 /// What is embedded where.
@@ -95,6 +101,10 @@ impl Input<'_> {
             return Ok(None);
         }
         let scale = common_scale(&found, self.size_scale);
+        let mut trunk = self.reduced.branchings.clone();
+        trunk.extend(found.iter().filter_map(|limb| limb.base(scale)));
+        trunk.sort_unstable();
+        trunk.dedup();
         let mut targets: Vec<Option<Target>> = vec![None; self.joints.points.len()];
         for limb in &found {
             for (joint, place, is_base) in limb.targets(scale, tips.diameter) {
@@ -124,6 +134,9 @@ impl Input<'_> {
             scale,
             cost: embedding.mean,
             symmetric: mirrors.is_some(),
+            trunk,
+            tips: tips.tips.iter().filter(|tip| !tip.is_middle).map(|tip| tip.voxel).collect(),
+            diameter: tips.diameter,
         }))
     }
 
