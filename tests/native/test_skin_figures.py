@@ -4,7 +4,15 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from deformation import crossing_pairs, joint_volume, longest_stretch, turned, volume
+from deformation import (
+    crossing_pairs,
+    joint_volume,
+    limb_part,
+    longest_stretch,
+    part_volume,
+    turned,
+    volume,
+)
 from dermis_native import PbdSkin, SkinWeights, linear_blend_skinning
 from skin_poses import CYLINDER, body_poses, cylinder, cylinder_pose
 from surfaces import body
@@ -74,3 +82,58 @@ def test_a_smooth_motion_has_no_pops(person):
     changes = [np.linalg.norm(b - a, axis=1).max() for a, b in pairwise(corrections)]
     print(f"largest change between frames: {max(changes) / np.median(changes):.1f} times the median")
     assert max(changes) <= 3 * np.median(changes)
+
+
+# Fast Projective Skinning (`bench/skin.py`): the share of a joint's volume that it keeps, and the crossing
+# triangle pairs that it leaves; with collision where that is better.
+PEER_CYLINDER = {("bend", 90): (0.90, None), ("bend", 130): (0.81, 54), ("twist", 120): (0.86, None)}
+PEER_BODY = {
+    "elbow 120": ("lowerarm_l", 0.60, 55),
+    "knee 120": ("calf_l", 0.79, 40),
+    "forearm twist 120": ("lowerarm_l", 0.85, None),
+}
+
+
+@pytest.mark.parametrize(("kind", "degrees"), PEER_CYLINDER)
+def test_a_cylinder_passes_the_closest_peer(tube, kind, degrees):
+    mesh, skeleton, _, skin = tube
+    rest, triangles = mesh.vertices, mesh.triangles
+    share, crossings = PEER_CYLINDER[kind, degrees]
+    solved = skin.solve(cylinder_pose(skeleton, kind, degrees))
+    kept = joint_volume(rest, solved, triangles) / joint_volume(rest, rest, triangles)
+    left = len(crossing_pairs(solved, triangles))
+    print(f"{kind} {degrees}: {kept:.1%}, {left} crossing pairs; peer {share:.0%}, {crossings}")
+    assert share + 0.05 < kept <= 1.03
+    # At 130° some pairs are left in the crease, fewer than the peer's.
+    assert left < crossings if crossings else left == 0
+
+
+@pytest.mark.parametrize("degrees", [90, 120])
+def test_a_bent_cylinder_does_not_cross_itself(tube, degrees):
+    mesh, skeleton, _, skin = tube
+    assert not crossing_pairs(skin.solve(cylinder_pose(skeleton, "bend", degrees)), mesh.triangles)
+
+
+@pytest.mark.parametrize("pose", PEER_BODY)
+def test_a_body_passes_the_closest_peer(person, pose):
+    mesh, skeleton, weights, skin = person
+    rest, triangles = mesh.vertices, mesh.triangles
+    bone, share, crossings = PEER_BODY[pose]
+    part = limb_part(skeleton, weights.to_dense(), rest, triangles, bone)
+    solved = skin.solve(body_poses(skeleton)[pose])
+    kept = part_volume(solved, part) / part_volume(rest, part)
+    left = len(crossing_pairs(solved, triangles) - crossing_pairs(rest, triangles))
+    print(f"{pose}: {kept:.1%}, {left} crossing pairs; peer {share:.0%}, {crossings}")
+    assert share + 0.05 < kept <= 1.03
+    assert left == 0
+
+
+@pytest.mark.parametrize("side", ["l", "r"])
+def test_no_limb_pops_through_a_bend(person, side):
+    mesh, skeleton, weights, skin = person
+    turns = {f"thigh_{side}": [-1.0, 0, 0], f"lowerarm_{side}": [0, 0, 1.0 if side == "l" else -1.0]}
+    for bone, axis in turns.items():
+        poses = [turned(skeleton, {bone: angle * np.array(axis)}) for angle in np.radians(np.arange(0, 91, 3))]
+        corrections = [skin.solve(pose) - linear_blend_skinning(mesh.vertices, weights, pose) for pose in poses]
+        changes = [np.linalg.norm(b - a, axis=1).max() for a, b in pairwise(corrections)]
+        assert max(changes) <= 3 * np.median(changes), bone

@@ -1,30 +1,25 @@
 //! Self-collision around one joint: which vertices passed into the other side, and how far they
 //! have to go back to the projection plane.
 
-use glam::{Affine3A, Vec3};
+use glam::Vec3;
 
-use super::self_collision::ProjectionPlane;
-
-/// Bones closer than this to one line have no inner side: nothing can fold there. As |a + b| of
-/// the unit directions of both bones; 0.1 is a bend of 6°.
-const STRAIGHT: f32 = 0.1;
-/// From here on, 23°, contact counts in full.
-const BENT: f32 = 0.4;
+use super::fold_field::{FieldScale, FoldField, Place, smoothstep};
+use super::fold_plane::FoldPlane;
 
 /// A surface vertex that may touch the other side of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ContactVertex {
-    /// Index in the island's list of surface points.
-    pub point: u32,
+    /// For the candidates that push the cage, the index in the island's list of surface points; for
+    /// those of the surface, the vertex.
+    pub element: u32,
     /// True on the side of the bone below the joint.
     pub below: bool,
-    /// Where the seam between both sides meets this direction around the joint in rest, along the
-    /// plane's normal.
-    pub seam: f32,
-    /// How far the vertex is on the wrong side of the seam in rest.
-    pub rest_violation: f32,
-    /// How far it overlaps with the other side in rest.
+    /// Outward normal of the surface in rest.
+    pub normal: Vec3,
+    /// How far the vertex is beyond the middle of the fold in rest.
     pub rest_overlap: f32,
+    /// How far it is shut in there in rest, from 0 to 1.
+    pub rest_shut_in: f32,
 }
 
 /// Contact candidates around the joint at the head of a bone.
@@ -39,6 +34,10 @@ pub(super) struct JointContact {
     pub vertices: Vec<ContactVertex>,
     /// Mean distance between neighbouring candidates.
     pub spacing: f32,
+    /// How much farther apart they are than the mesh's vertices.
+    pub left_out: f32,
+    /// Radius of the limb at the joint.
+    pub radius: f32,
 }
 
 /// How one candidate has to move along the plane's normal.
@@ -51,217 +50,180 @@ pub(super) struct Push {
 
 /// How far candidates may move before near ones have to be listed anew, in spacings.
 const MARGIN: f32 = 3.0;
-/// Joints that are turned by less than this cannot bring anything into contact.
-const UNMOVED: f32 = 1e-4;
+/// Cosine between a vertex' normal and the way to the other side from which on it is the back of its
+/// side, which touches nothing.
+const TURNED_AWAY: f32 = 0.5;
+/// Gap between the sides, in radii, at which they begin to feel each other.
+const FELT: f32 = 0.15;
+/// Candidates along a limb's radius from which on its sides have a shape, and have all of it.
+const RESOLVED: [f32; 2] = [1.5, 2.0];
+/// Slack of the sides' heights, in gaps at which they begin to feel each other.
+const SLACK: f32 = 0.7;
+/// And in distances between the vertices that a sample leaves out.
+const LEFT_OUT_SLACK: f32 = 0.4;
+/// Half the gap that is left between the sides, in radii.
+pub(super) const THICKNESS: f32 = 0.01;
+/// Smaller pushes than this, in spacings, are left out.
+const LEAST_PUSH: f32 = 1e-4;
 
-/// Where a candidate is over the projection plane.
+/// How firmly candidates follow the contact each time it is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Place {
-    /// Along the inner direction of the bend, from the joint.
-    inwards: f32,
-    /// Across the bend.
-    across: f32,
-    /// Height over the plane, towards the other side.
-    beyond: f32,
+pub(super) struct Firmness {
+    /// Share of the way that closes a hollow.
+    pub pull: f32,
+    /// Overlap of which half is left, in gaps at which the sides begin to feel each other; 0 leaves none.
+    pub softness: f32,
+}
+
+impl Firmness {
+    /// Of the cage, which is pushed again and again while it is solved.
+    pub(super) const CAGE: Self = Self { pull: 0.1, softness: 0.3 };
+    /// Of the surface in the end.
+    pub(super) const SURFACE: Self = Self { pull: 0.25, softness: 0.0 };
 }
 
 /// Buffers of the contact search.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ContactScratch {
-    /// Places of the listed candidates, and whether they are below the joint.
-    places: Vec<(Place, bool)>,
-    sides: [Vec<Place>; 2],
+    places: Vec<Place>,
+    field: FoldField,
+    /// How far the sides were in contact at the last fill; 0 when they are apart.
+    pub level: f32,
     /// The result.
     pub pushes: Vec<Push>,
 }
 
-/// The projection plane of a joint in a pose, with the direction of the fold.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct FoldPlane {
-    pub plane: ProjectionPlane,
-    pub inwards: Vec3,
-    /// 0 for straight joints, 1 from a moderate bend on, so that contact sets in gently.
-    pub strength: f32,
-    /// Cosine of half the angle by which the joint is bent.
-    pub half_cosine: f32,
-    /// How far the joint bends rather than twists, from 0 to 1, and 0 for straight joints: sin² of half
-    /// the bend over sin² of half the turn, times the strength.
-    pub bend_share: f32,
-}
-
 impl JointContact {
-    /// The plane through the joint, perpendicular to the plane of its two bones, half way between
-    /// them; `None` where they are in line or have not turned since rest.
-    pub(super) fn fold_plane(&self, transforms: &[Affine3A]) -> Option<FoldPlane> {
-        let (below, above) = (&transforms[self.bone as usize], &transforms[self.parent as usize]);
-        if below.abs_diff_eq(*above, UNMOVED) { None } else { self.plane_between(below, above) }
-    }
-
-    fn plane_between(&self, below: &Affine3A, above: &Affine3A) -> Option<FoldPlane> {
-        let joint = below.transform_point3(self.joint).midpoint(above.transform_point3(self.joint));
-        let up = (above.transform_point3(self.up) - joint).try_normalize()?;
-        let down = (below.transform_point3(self.down) - joint).try_normalize()?;
-        let normal = (down - up).try_normalize()?;
-        let inwards = up + down;
-        let length = inwards.length();
-        let strength = ((length - STRAIGHT) / (BENT - STRAIGHT)).min(1.0);
-        (length > STRAIGHT).then(|| FoldPlane {
-            plane: ProjectionPlane { point: joint, normal },
-            inwards: inwards / length,
-            strength,
-            half_cosine: (down - up).length() * 0.5,
-            bend_share: strength * self.bend_share(below, above),
-        })
-    }
-
-    /// Share of the turn since rest that is not about the bone itself.
-    fn bend_share(&self, below: &Affine3A, above: &Affine3A) -> f32 {
-        let (_, turn, _) = (above.inverse() * *below).to_scale_rotation_translation();
-        let down = (self.down - self.joint).normalize_or_zero();
-        let bend = down.distance_squared(turn * down) * 0.25;
-        let whole = turn.xyz().length_squared();
-        if whole > f32::MIN_POSITIVE { (bend / whole).min(1.0) } else { 0.0 }
-    }
-
     /// Where a candidate is relative to the plane and its own side.
-    fn place(&self, fold: &FoldPlane, candidate: &ContactVertex, position: Vec3) -> Place {
+    #[inline]
+    pub(super) fn place(&self, fold: &FoldPlane, candidate: &ContactVertex, position: Vec3) -> Place {
         let offset = position - fold.plane.point;
-        let beyond = offset.dot(fold.plane.normal) - candidate.seam * fold.half_cosine;
-        let beyond = if candidate.below { -beyond } else { beyond };
+        let height = offset.dot(fold.plane.normal);
         let across = fold.inwards.cross(fold.plane.normal);
-        let inwards = offset.dot(fold.inwards);
-        Place { inwards, across: offset.dot(across), beyond: beyond - candidate.rest_violation }
+        let beyond = if candidate.below { -height } else { height };
+        let towards = candidate.normal.dot(fold.towards[usize::from(candidate.below)]);
+        let facing = smoothstep(1.0 + towards / TURNED_AWAY);
+        Place {
+            inwards: offset.dot(fold.inwards),
+            across: offset.dot(across),
+            beyond,
+            height: beyond - (1.0 - facing) * 2.0 * self.radius,
+            facing,
+            below: candidate.below,
+        }
     }
 
-    /// All candidates, as a list to search.
-    pub(super) fn all(&self) -> Vec<u32> {
-        (0..self.vertices.len() as u32).collect()
+    pub(super) fn scale(&self) -> FieldScale {
+        let margin = self.radius * FELT;
+        let slack = SLACK * margin + LEFT_OUT_SLACK * self.left_out;
+        FieldScale { step: self.spacing, margin, slack, radius: self.radius }
+    }
+
+    /// How far the sides have a shape: one of a few triangles has none that could touch another.
+    fn resolved(&self) -> f32 {
+        let [none, all] = RESOLVED;
+        smoothstep((self.radius / self.spacing - none) / (all - none))
     }
 
     /// Lists the candidates that can come into contact as long as none moves by more than
     /// [`MARGIN`]; `positions` are those of all.
     pub(super) fn list_near(&self, fold: &FoldPlane, positions: &[Vec3], near: &mut Vec<u32>) {
         near.clear();
+        let scale = self.scale();
         let margin = MARGIN * self.spacing;
-        let places = || self.vertices.iter().zip(positions).map(|(v, &p)| (self.place(fold, v, p), v.below));
+        let places = || self.vertices.iter().zip(positions).map(|(v, &p)| self.place(fold, v, p));
         let mut highest = [f32::NEG_INFINITY; 2];
-        for (place, below) in places().filter(|(place, _)| place.inwards > -margin) {
-            highest[usize::from(below)] = highest[usize::from(below)].max(place.beyond);
+        for place in places().filter(|place| place.inwards > -margin) {
+            let side = usize::from(place.below);
+            highest[side] = highest[side].max(place.height);
         }
-        let reaches = |(place, below): (Place, bool)| {
-            let other = highest[usize::from(!below)];
-            place.inwards > -margin && place.beyond + other + self.spacing + 2.0 * margin > 0.0
+        let closest = highest[0] + highest[1] + scale.margin + 2.0 * margin;
+        if closest.is_nan() || closest <= 0.0 || self.resolved() <= 0.0 {
+            return;
+        }
+        let reaches = |place: Place| {
+            let other = highest[usize::from(!place.below)];
+            let room = scale.margin + scale.radius + 2.0 * margin;
+            place.inwards > -margin - scale.step && place.height + other + room > 0.0
         };
         near.extend((0..).zip(places()).filter(|&(_, place)| reaches(place)).map(|(index, _)| index));
     }
 
-    /// Pushes that bring every listed candidate in contact back towards the plane (eq. 13, 14);
-    /// `positions` are those of the list.
+    /// Pushes that bring every listed candidate in contact back towards its own side (eq. 13, 14), and
+    /// those in a hollow that contact closes off towards the other side; `positions` are those of the
+    /// list.
     ///
-    /// A candidate beyond the plane is in contact as far as the other side reaches there: over the
-    /// plane, each side is a height field, the upper envelope of cones of slope 1 on its
-    /// candidates, and where both heights sum to more than 0 they overlap. This varies continuously
-    /// with the pose. A push never exceeds the overlap, nor the way to the plane.
+    /// Over the plane each side is a height field. Where the two overlap, both go back to the surface
+    /// half way between them. All of it varies continuously with the pose.
     pub(super) fn pushes(
         &self,
         fold: &FoldPlane,
         list: &[u32],
         positions: &[Vec3],
+        refill: bool,
+        firmness: Firmness,
         scratch: &mut ContactScratch,
     ) {
-        let ContactScratch { places, sides, pushes } = scratch;
+        let ContactScratch { places, field, level, pushes } = scratch;
         pushes.clear();
         places.clear();
         let vertices = list.iter().map(|&candidate| &self.vertices[candidate as usize]);
-        places.extend(vertices.zip(positions).map(|(v, &p)| (self.place(fold, v, p), v.below)));
-        // Highest reach of each side beyond the plane, on the inner side of the bend.
-        let mut highest = [f32::NEG_INFINITY; 2];
-        for &(place, below) in places.iter().filter(|(place, _)| place.inwards > 0.0) {
-            highest[usize::from(below)] = highest[usize::from(below)].max(place.beyond);
+        places.extend(vertices.zip(positions).map(|(v, &p)| self.place(fold, v, p)));
+        let scale = self.scale();
+        if refill {
+            *level = field.fill(places, &scale);
         }
-        let room = self.spacing - highest[0].max(0.0) - highest[1].max(0.0);
-        if highest[0] + highest[1] + self.spacing <= 0.0 {
+        if *level <= 0.0 {
             return;
         }
-        sides.iter_mut().for_each(Vec::clear);
-        for &(place, below) in places.iter() {
-            // Lower places cannot overlap with anything.
-            if place.inwards > 0.0 && place.beyond >= room - 2.0 * self.spacing {
-                sides[usize::from(below)].push(place);
-            }
-        }
-        sides.iter_mut().for_each(|side| side.sort_unstable_by(highest_first));
-        for (listed, &(place, below)) in (0..).zip(places.iter()) {
-            if place.inwards <= 0.0 || place.beyond <= 0.0 {
+        let thickness = THICKNESS * self.radius;
+        let all = *level * self.resolved() * fold.strength;
+        for (listed, place) in (0..).zip(places.iter()) {
+            if place.inwards <= 0.0 {
                 continue;
             }
-            let rest_overlap = self.vertices[list[listed as usize] as usize].rest_overlap;
-            let overlap = place.beyond + self.height(&sides[usize::from(!below)], place);
-            let overlap = (overlap - rest_overlap).max(0.0);
-            // Sets in with slope 0. What it leaves is less than the spacing that `height` adds.
-            let gentle = overlap * overlap / (overlap + self.spacing);
-            let amount = place.beyond.min(gentle);
-            let amount = amount * fold.strength * (place.inwards / self.spacing).min(1.0);
-            if amount > 0.0 {
-                let direction = if below { amount } else { -amount };
+            let vertex = &self.vertices[list[listed as usize] as usize];
+            let beyond = place.beyond - field.middle(place) + thickness;
+            let amount = if beyond > 0.0 {
+                let over = field.sunk(place, beyond) - vertex.rest_overlap;
+                if over <= 0.0 {
+                    continue;
+                }
+                over * over / (over + firmness.softness * scale.margin)
+            } else {
+                let located = field.locate(place);
+                let shut_in = field.shut_in(located) * fold.set_in * (1.0 - vertex.rest_shut_in);
+                if shut_in <= 0.0 {
+                    continue;
+                }
+                let hidden = (field.envelope(place.below, located) - place.beyond) / (2.0 * scale.step);
+                let seen = (1.0 - hidden).clamp(0.0, 1.0);
+                let small = smoothstep(2.0 + 2.0 * field.overlap(located) / scale.radius);
+                firmness.pull * beyond * shut_in * seen * small
+            };
+            let amount = amount * all * place.facing * (place.inwards / self.spacing).min(1.0);
+            if amount.abs() > LEAST_PUSH * self.spacing {
+                let direction = if vertex.below { amount } else { -amount };
                 pushes.push(Push { listed, offset: fold.plane.normal * direction });
             }
         }
     }
-
-    /// Height of a side, the highest places first, over a point of the plane.
-    fn height(&self, side: &[Place], at: Place) -> f32 {
-        let mut highest = f32::NEG_INFINITY;
-        for place in side {
-            if place.beyond <= highest {
-                break;
-            }
-            let distance = ((place.inwards - at.inwards).powi(2) + (place.across - at.across).powi(2)).sqrt();
-            highest = highest.max(place.beyond - distance);
-        }
-        // Between samples the cones are too low by as much as half their distance.
-        highest + self.spacing
-    }
-
-    /// Overlap of each candidate with the other side in rest.
-    pub(super) fn rest_overlaps(&self, positions: &[Vec3]) -> Vec<f32> {
-        let Some(fold) = self.plane_between(&Affine3A::IDENTITY, &Affine3A::IDENTITY) else {
-            return vec![0.0; positions.len()];
-        };
-        let places: Vec<Place> =
-            self.vertices.iter().zip(positions).map(|(v, &p)| self.place(&fold, v, p)).collect();
-        let side = |below: bool| -> Vec<Place> {
-            let members =
-                self.vertices.iter().zip(&places).filter(|(v, p)| v.below == below && p.inwards > 0.0);
-            let mut side: Vec<Place> = members.map(|(_, place)| *place).collect();
-            side.sort_unstable_by(highest_first);
-            side
-        };
-        let sides = [side(false), side(true)];
-        let overlap = |(v, place): (&ContactVertex, &Place)| {
-            (place.beyond + self.height(&sides[usize::from(!v.below)], *place)).max(0.0)
-        };
-        self.vertices.iter().zip(&places).map(overlap).collect()
-    }
-}
-
-fn highest_first(a: &Place, b: &Place) -> std::cmp::Ordering {
-    b.beyond.total_cmp(&a.beyond)
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
+    use glam::Affine3A;
 
     /// Two rows of candidates along a limb on x, on its inner side (+y) at radius 0.3.
-    fn contact() -> (JointContact, Vec<Vec3>) {
+    pub(in crate::pbd) fn contact() -> (JointContact, Vec<Vec3>) {
         let rest: Vec<Vec3> = (-8..=8).map(|i| Vec3::new(i as f32 * 0.1, 0.3, 0.0)).collect();
-        let vertices = rest.iter().zip(0..).map(|(p, point)| ContactVertex {
-            point,
+        let vertices = rest.iter().zip(0..).map(|(p, element)| ContactVertex {
+            element,
             below: p.x > 0.0,
-            seam: 0.0,
-            rest_violation: 0.0,
+            normal: Vec3::Y,
             rest_overlap: 0.0,
+            rest_shut_in: 0.0,
         });
         let contact = JointContact {
             bone: 1,
@@ -270,12 +232,14 @@ mod tests {
             up: -Vec3::X,
             down: Vec3::X,
             spacing: 0.1,
+            left_out: 0.0,
+            radius: 0.3,
             vertices: vertices.collect(),
         };
         (contact, rest)
     }
 
-    fn bent(angle: f32) -> [Affine3A; 2] {
+    pub(in crate::pbd) fn bent(angle: f32) -> [Affine3A; 2] {
         [Affine3A::IDENTITY, Affine3A::from_rotation_z(angle)]
     }
 
@@ -284,52 +248,74 @@ mod tests {
         contact.vertices.iter().zip(rest).map(of).collect()
     }
 
-    #[test]
-    fn the_fold_plane_halves_the_bend() {
-        let (contact, _) = contact();
-        let fold = contact.fold_plane(&bent(1.0)).unwrap();
-        let half = Vec3::new(0.5f32.cos(), 0.5f32.sin(), 0.0);
-        assert!(fold.plane.normal.distance(half) < 1e-6);
-        assert!(fold.inwards.distance(Vec3::new(-half.y, half.x, 0.0)) < 1e-6);
-        assert!((fold.half_cosine - 0.5f32.cos()).abs() < 1e-6);
-        assert!((fold.bend_share - 1.0).abs() < 1e-5);
-        assert!(contact.fold_plane(&bent(0.0)).is_none(), "straight");
-        assert!(contact.fold_plane(&[Affine3A::from_rotation_z(1.0); 2]).is_none(), "turned as a whole");
+    fn all(contact: &JointContact) -> Vec<u32> {
+        (0..contact.vertices.len() as u32).collect()
+    }
+
+    fn pushes(contact: &JointContact, pose: &[Affine3A; 2], positions: &[Vec3]) -> Vec<Push> {
+        let Some(fold) = contact.fold_plane(pose) else { return Vec::new() };
+        let mut scratch = ContactScratch::default();
+        contact.pushes(&fold, &all(contact), positions, true, Firmness::SURFACE, &mut scratch);
+        scratch.pushes
+    }
+
+    fn beyond(contact: &JointContact, pose: &[Affine3A; 2], positions: &[Vec3]) -> Vec<Place> {
+        let fold = contact.fold_plane(pose).unwrap();
+        contact.vertices.iter().zip(positions).map(|(v, &p)| contact.place(&fold, v, p)).collect()
+    }
+
+    fn pushed(contact: &JointContact, pose: &[Affine3A; 2], positions: &[Vec3]) -> Vec<Vec3> {
+        let mut positions = positions.to_vec();
+        for push in pushes(contact, pose, &positions) {
+            positions[push.listed as usize] += push.offset;
+        }
+        positions
     }
 
     #[test]
-    fn a_twist_of_a_bent_joint_is_no_bend() {
-        let (mut contact, _) = contact();
-        contact.up = Vec3::new(-1.0, 1.0, 0.0);
-        let twisted = contact.fold_plane(&[Affine3A::IDENTITY, Affine3A::from_rotation_x(1.0)]).unwrap();
-        assert!(twisted.bend_share < 1e-5);
-        let both = Affine3A::from_rotation_z(0.5) * Affine3A::from_rotation_x(0.5);
-        let both = contact.fold_plane(&[Affine3A::IDENTITY, both]).unwrap();
-        assert!((0.4..0.6).contains(&both.bend_share), "{}", both.bend_share);
-    }
-
-    #[test]
-    fn sides_that_pass_into_each_other_are_pushed_apart_and_no_farther_than_the_plane() {
+    fn sides_that_pass_into_each_other_are_parted() {
         let (contact, rest) = contact();
         let pose = bent(1.8);
-        let fold = contact.fold_plane(&pose).unwrap();
-        let positions = rigid(&contact, &rest, &pose);
-        let mut scratch = ContactScratch::default();
-        contact.pushes(&fold, &contact.all(), &positions, &mut scratch);
-        assert!(scratch.pushes.len() > 3);
-        for push in &scratch.pushes {
-            let vertex = &contact.vertices[push.listed as usize];
-            let beyond = |p: Vec3| {
-                let height = (p - fold.plane.point).dot(fold.plane.normal);
-                if vertex.below { -height } else { height }
-            };
-            let before = positions[push.listed as usize];
-            assert!(beyond(before) > 0.0);
-            let after = beyond(before + push.offset);
-            assert!((-1e-6..beyond(before)).contains(&after), "{after}");
+        let before = rigid(&contact, &rest, &pose);
+        assert!(beyond(&contact, &pose, &before).iter().any(|p| p.inwards > 0.1 && p.beyond > 0.05));
+        let after = pushed(&contact, &pose, &before);
+        let places = beyond(&contact, &pose, &after);
+        for (i, a) in places.iter().enumerate().filter(|(_, place)| place.inwards > contact.spacing) {
+            for b in places[..i].iter().filter(|b| b.below != a.below) {
+                let apart = (a.inwards - b.inwards).abs() > contact.spacing;
+                assert!(apart || a.beyond + b.beyond < 0.0, "{a:?} {b:?}");
+            }
         }
-        contact.pushes(&fold, &contact.all(), &rigid(&contact, &rest, &bent(-1.8)), &mut scratch);
-        assert!(scratch.pushes.is_empty(), "bent the other way");
+        assert!(pushes(&contact, &bent(-1.8), &rigid(&contact, &rest, &bent(-1.8))).is_empty());
+    }
+
+    #[test]
+    fn a_hollow_that_contact_shuts_in_is_closed() {
+        let (contact, _) = contact();
+        let rows = (-20..20).flat_map(|i| (-4..=4).map(move |j| (i, j)));
+        let rest: Vec<Vec3> =
+            rows.map(|(i, j)| Vec3::new(0.04 * (i as f32 + 0.5), 0.3, 0.04 * j as f32)).collect();
+        let vertices = rest.iter().map(|p| ContactVertex { below: p.x > 0.0, ..contact.vertices[0] });
+        let contact = JointContact { spacing: 0.04, vertices: vertices.collect(), ..contact.clone() };
+        let pose = bent(1.8);
+        let fold = contact.fold_plane(&pose).unwrap();
+        let mut positions = pushed(&contact, &pose, &rigid(&contact, &rest, &pose));
+        let in_hollow: Vec<bool> =
+            beyond(&contact, &pose, &positions).iter().map(|p| (0.22..0.34).contains(&p.inwards)).collect();
+        assert!(in_hollow.iter().any(|&inside| inside));
+        for ((vertex, position), _) in
+            contact.vertices.iter().zip(&mut positions).zip(&in_hollow).filter(|(_, inside)| **inside)
+        {
+            *position += fold.plane.normal * if vertex.below { 0.03 } else { -0.03 };
+        }
+        let open = |positions: &[Vec3]| -> f32 {
+            let places = beyond(&contact, &pose, positions);
+            let hollow = places.iter().zip(&in_hollow).filter(|(_, inside)| **inside);
+            hollow.map(|(place, _)| -place.beyond).sum()
+        };
+        let before = open(&positions);
+        let after = open(&pushed(&contact, &pose, &positions));
+        assert!(after < 0.9 * before && after > 0.5 * before, "{before} {after}");
     }
 
     #[test]
@@ -348,18 +334,30 @@ mod tests {
             };
             let sunk: Vec<Vec3> = contact.vertices.iter().zip(&positions).map(sunk).collect();
             let listed: Vec<Vec3> = near.iter().map(|&i| sunk[i as usize]).collect();
-            let (mut some, mut all) = (ContactScratch::default(), ContactScratch::default());
-            contact.pushes(&fold, &near, &listed, &mut some);
-            contact.pushes(&fold, &contact.all(), &sunk, &mut all);
+            let (mut some, mut whole) = (ContactScratch::default(), ContactScratch::default());
+            let everything = all(&contact);
+            contact.pushes(&fold, &near, &listed, true, Firmness::CAGE, &mut some);
+            contact.pushes(&fold, &everything, &sunk, true, Firmness::CAGE, &mut whole);
             let some: Vec<(u32, Vec3)> =
                 some.pushes.iter().map(|push| (near[push.listed as usize], push.offset)).collect();
-            let all: Vec<(u32, Vec3)> = all.pushes.iter().map(|push| (push.listed, push.offset)).collect();
-            assert_eq!(some, all);
+            let whole: Vec<(u32, Vec3)> =
+                whole.pushes.iter().map(|push| (push.listed, push.offset)).collect();
+            assert_eq!(some, whole);
         }
         let pose = bent(0.3);
         let fold = contact.fold_plane(&pose).unwrap();
         contact.list_near(&fold, &rigid(&contact, &rest, &bent(-2.0)), &mut near);
         assert!(near.len() < contact.vertices.len(), "{near:?}");
+    }
+
+    #[test]
+    fn what_faces_away_from_the_other_side_touches_nothing() {
+        let (mut contact, rest) = contact();
+        let pose = bent(1.8);
+        let positions = rigid(&contact, &rest, &pose);
+        assert!(!pushes(&contact, &pose, &positions).is_empty());
+        contact.vertices.iter_mut().for_each(|vertex| vertex.normal = -Vec3::Y);
+        assert!(pushes(&contact, &pose, &positions).is_empty());
     }
 
     #[test]
@@ -373,9 +371,7 @@ mod tests {
                 *position += fold.plane.normal * 5.0;
             }
         }
-        let mut scratch = ContactScratch::default();
-        contact.pushes(&fold, &contact.all(), &positions, &mut scratch);
-        assert!(scratch.pushes.is_empty());
+        assert!(pushes(&contact, &pose, &positions).is_empty());
     }
 
     #[test]
@@ -386,15 +382,13 @@ mod tests {
         // The folded state as rest: the same bones, not turned, over the same points.
         contact.up = folded[0].transform_point3(contact.up);
         contact.down = folded[1].transform_point3(contact.down);
-        let overlaps = contact.rest_overlaps(&positions);
-        assert!(overlaps.iter().any(|overlap| *overlap > 0.1));
-        for (vertex, overlap) in contact.vertices.iter_mut().zip(overlaps) {
-            vertex.rest_overlap = overlap;
+        for vertex in contact.vertices.iter_mut().filter(|vertex| vertex.below) {
+            vertex.normal = folded[1].transform_vector3(vertex.normal);
         }
+        contact.keep_rest(&positions);
+        assert!(contact.vertices.iter().any(|vertex| vertex.rest_overlap > 0.1));
         let nearly = [Affine3A::IDENTITY, Affine3A::from_rotation_z(1e-3)];
-        let fold = contact.fold_plane(&nearly).unwrap();
-        let mut scratch = ContactScratch::default();
-        contact.pushes(&fold, &contact.all(), &positions, &mut scratch);
-        assert!(scratch.pushes.iter().all(|push| push.offset.length() < 1e-2), "{:?}", scratch.pushes);
+        let pushes = pushes(&contact, &nearly, &positions);
+        assert!(pushes.iter().all(|push| push.offset.length() < 1e-2), "{pushes:?}");
     }
 }

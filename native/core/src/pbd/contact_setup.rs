@@ -1,6 +1,6 @@
 //! Contact candidates around each joint of an island, found in the rest pose.
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::areas::JointArea;
 use super::contact::{ContactVertex, JointContact};
@@ -12,11 +12,8 @@ use super::patch::PatchInput;
 const CANDIDATE_REACH: f64 = 2.8;
 /// Candidates of a joint that push the cage, about: enough for its cells, however dense the mesh.
 const CAGE_CANDIDATES: usize = 600;
-/// Directions in which the seam is tabulated.
-const SEAM_DIRECTIONS: usize = 256;
-/// Sharpness with which the seam is looked up by direction around the joint.
-const SEAM_SHARPNESS: f64 = 8.0;
-
+/// Length of a bone, in radii of its joint, from which on it is a limb's.
+const LIMB: f64 = 4.0;
 /// Contact candidates around one joint.
 pub(super) struct JointContacts {
     /// Those that push the cage while it is solved.
@@ -43,50 +40,45 @@ fn joint_contact(
     let (up, down) = (heads[area.parent as usize], tails[area.bone as usize]);
     let up_direction = (up - area.centre).try_normalize()?;
     let down_direction = (down - area.centre).try_normalize()?;
-    let normal = (down_direction - up_direction).try_normalize()?;
+    (down_direction - up_direction).try_normalize()?;
     let position = |v: u32| input.mesh.vertices()[v as usize];
-    let share = |v: u32| input.areas.share(v as usize, area.bone);
+    let is_below = |v: u32| input.areas.share(v as usize, area.bone) > 0.5;
     let limb = up.distance(area.centre).min(down.distance(area.centre));
     let reach = (CANDIDATE_REACH * area.radius).max(limb);
-    let points: Vec<u32> = (0..)
-        .zip(surface)
-        .filter(|(_, point)| position(point.vertex).distance(area.centre) <= reach)
-        .filter(|(_, point)| is_neighbour(input, area, point.vertex, share(point.vertex) > 0.5))
-        .map(|(index, _)| index)
-        .collect();
-    let mut candidate_of = vec![None; input.mesh.vertex_count()];
-    for (candidate, &point) in (0u32..).zip(&points) {
-        candidate_of[surface[point as usize].vertex as usize] = Some(candidate);
-    }
-    let seam = seam_heights(input, area, normal, &candidate_of);
-    if seam.is_empty() {
+    let is_candidate =
+        |v: u32| position(v).distance(area.centre) <= reach && is_neighbour(input, area, v, is_below(v));
+    let points: Vec<u32> =
+        (0..).zip(surface).filter(|(_, point)| is_candidate(point.vertex)).map(|(index, _)| index).collect();
+    let in_cage: Vec<u32> = points.iter().map(|&point| surface[point as usize].vertex).collect();
+    if !meets(input, &in_cage, &is_below) {
         return None;
     }
-    let around = Around::new(normal);
-    let seam = Around::tabulate(&seam);
-    let vertices: Vec<ContactVertex> = points
-        .iter()
-        .map(|&point| {
-            let vertex = surface[point as usize].vertex;
-            let offset = position(vertex) - area.centre;
-            let below = share(vertex) > 0.5;
-            let seam = around.look_up(&seam, offset);
-            let beyond = offset.dot(normal) - seam;
-            let rest_violation = (if below { -beyond } else { beyond }).max(0.0) as f32;
-            ContactVertex { point, below, seam: seam as f32, rest_violation, rest_overlap: 0.0 }
-        })
-        .collect();
-    let rest: Vec<Vec3> = points.iter().map(|&p| position(surface[p as usize].vertex).as_vec3()).collect();
-    let contact = JointContact {
-        bone: area.bone,
-        parent: area.parent,
-        joint: area.centre.as_vec3(),
-        up: up.as_vec3(),
-        down: down.as_vec3(),
-        vertices,
-        spacing: spacing(input, &candidate_of),
+    let candidates: Vec<u32> = (0..input.mesh.vertex_count() as u32).filter(|&v| is_candidate(v)).collect();
+    let contact_of = |elements: &[u32], vertices: &[u32]| {
+        let candidate = |(&element, &vertex): (&u32, &u32)| ContactVertex {
+            element,
+            below: is_below(vertex),
+            normal: input.normals[vertex as usize].as_vec3(),
+            rest_overlap: 0.0,
+            rest_shut_in: 0.0,
+        };
+        let rest: Vec<Vec3> = vertices.iter().map(|&v| position(v).as_vec3()).collect();
+        let contact = JointContact {
+            bone: area.bone,
+            parent: area.parent,
+            joint: area.centre.as_vec3(),
+            up: up.as_vec3(),
+            down: down.as_vec3(),
+            vertices: elements.iter().zip(vertices).map(candidate).collect(),
+            spacing: spacing(input, vertices),
+            left_out: 0.0,
+            radius: area.radius as f32,
+        };
+        (contact, rest)
     };
-    Some(JointContacts { cage: thinned(&contact, &rest), surface: with_rest_overlaps(contact, &rest) })
+    let (cage, rest) = contact_of(&points, &in_cage);
+    let (surface, surface_rest) = contact_of(&candidates, &candidates);
+    Some(JointContacts { cage: thinned(&cage, &rest), surface: at_rest(surface, &surface_rest) })
 }
 
 /// The candidates that push the cage: a sample of those that are projected in the end. Chosen by a
@@ -101,110 +93,66 @@ fn thinned(contact: &JointContact, rest: &[Vec3]) -> JointContact {
     let vertices: Vec<ContactVertex> = indices.iter().map(|&i| contact.vertices[i]).collect();
     let rest: Vec<Vec3> = indices.iter().map(|&i| rest[i]).collect();
     let spacing = contact.spacing * (count as f32 / indices.len().max(1) as f32).sqrt();
-    with_rest_overlaps(JointContact { vertices, spacing, ..contact.clone() }, &rest)
+    let left_out = spacing - contact.spacing;
+    at_rest(JointContact { vertices, spacing, left_out, ..contact.clone() }, &rest)
 }
 
-fn with_rest_overlaps(mut contact: JointContact, rest: &[Vec3]) -> JointContact {
-    let overlaps = contact.rest_overlaps(rest);
-    for (vertex, overlap) in contact.vertices.iter_mut().zip(overlaps) {
-        vertex.rest_overlap = overlap;
-    }
+fn at_rest(mut contact: JointContact, rest: &[Vec3]) -> JointContact {
+    contact.keep_rest(rest);
     contact
 }
 
 /// True for vertices that mostly follow a bone near the joint: over its plane, such bones are height
 /// fields, while a hand that hangs below the plane of a spine joint has not passed through anything.
+/// What follows the bones next to the joint's own two takes part where a limb is long enough to lie along
+/// it: fingers curl beside each other, and their ends and the palm meet at other angles.
 fn is_neighbour(input: &PatchInput<'_>, area: &JointArea, vertex: u32, below: bool) -> bool {
     let parents = input.skeleton.parents();
     let heaviest =
         input.weights.entries(vertex as usize).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
     let Some((bone, _)) = heaviest else { return false };
     let parent = parents[bone as usize];
-    if below {
-        bone == area.bone || parent == Some(area.bone)
+    let length = |bone: u32| {
+        let bone = bone as usize;
+        input.skeleton.tails()[bone].distance(input.skeleton.heads()[bone])
+    };
+    if bone == if below { area.bone } else { area.parent } {
+        return true;
+    }
+    let is_next = if below {
+        parent == Some(area.bone)
     } else {
-        bone == area.parent || parent == Some(area.parent) || parents[area.parent as usize] == Some(bone)
-    }
+        parent == Some(area.parent) || parents[area.parent as usize] == Some(bone)
+    };
+    is_next && length(area.bone).max(length(area.parent)) >= LIMB * area.radius
 }
 
-/// Where the surface passes from one side of the joint to the other: direction around the joint
-/// and height along the normal, at every edge where the share of the bones below passes one half.
-fn seam_heights(
-    input: &PatchInput<'_>,
-    area: &JointArea,
-    normal: DVec3,
-    candidate_of: &[Option<u32>],
-) -> Vec<(f64, f64)> {
-    let around = Around::new(normal);
-    let mut seam = Vec::new();
-    for triangle in input.mesh.triangles() {
-        if triangle.iter().any(|&v| candidate_of[v as usize].is_none()) {
-            continue;
-        }
-        for k in 0..3 {
-            let (u, v) = (triangle[k], triangle[(k + 1) % 3]);
-            let share = |v: u32| f64::from(input.areas.share(v as usize, area.bone)) - 0.5;
-            if share(u) * share(v) < 0.0 {
-                let t = share(u) / (share(u) - share(v));
-                let (a, b) = (input.mesh.vertices()[u as usize], input.mesh.vertices()[v as usize]);
-                let offset = a.lerp(b, t) - area.centre;
-                seam.push((around.angle(offset), offset.dot(normal)));
-            }
-        }
-    }
-    seam
-}
-
-/// Directions around an axis.
-struct Around {
-    x: DVec3,
-    y: DVec3,
-}
-
-impl Around {
-    fn new(axis: DVec3) -> Self {
-        let x = axis.any_orthonormal_vector();
-        Self { x, y: axis.cross(x) }
-    }
-
-    fn angle(&self, offset: DVec3) -> f64 {
-        offset.dot(self.y).atan2(offset.dot(self.x))
-    }
-
-    /// Mean heights of the seam in [`SEAM_DIRECTIONS`] directions.
-    fn tabulate(seam: &[(f64, f64)]) -> Vec<f64> {
-        let mean = |direction: usize| {
-            let angle = std::f64::consts::TAU * direction as f64 / SEAM_DIRECTIONS as f64;
-            let (mut sum, mut total) = (0.0, f64::MIN_POSITIVE);
-            for &(direction, height) in seam {
-                let weight = (SEAM_SHARPNESS * ((direction - angle).cos() - 1.0)).exp();
-                sum += weight * height;
-                total += weight;
-            }
-            sum / total
-        };
-        (0..SEAM_DIRECTIONS).map(mean).collect()
-    }
-
-    /// Height of the tabulated seam in the direction of an offset.
-    fn look_up(&self, heights: &[f64], offset: DVec3) -> f64 {
-        let turns = self.angle(offset).rem_euclid(std::f64::consts::TAU) / std::f64::consts::TAU;
-        let place = turns * SEAM_DIRECTIONS as f64;
-        let first = place.floor();
-        let at = |i: usize| heights[i % SEAM_DIRECTIONS];
-        at(first as usize) + (place - first) * (at(first as usize + 1) - at(first as usize))
-    }
+/// True where both sides of the joint are on one surface: an edge leads from one to the other.
+fn meets(input: &PatchInput<'_>, vertices: &[u32], is_below: &impl Fn(u32) -> bool) -> bool {
+    let listed = listed(input, vertices);
+    input.mesh.triangles().iter().any(|triangle| {
+        let below = triangle.map(|v| listed[v as usize].then(|| is_below(v)));
+        below.contains(&Some(true)) && below.contains(&Some(false)) && !below.contains(&None)
+    })
 }
 
 /// Mean length of the edges between candidates.
-fn spacing(input: &PatchInput<'_>, candidate_of: &[Option<u32>]) -> f32 {
+fn spacing(input: &PatchInput<'_>, vertices: &[u32]) -> f32 {
+    let listed = listed(input, vertices);
     let (mut sum, mut count) = (0.0, 0u32);
-    for (v, _) in candidate_of.iter().enumerate().filter(|(_, candidate)| candidate.is_some()) {
+    for v in vertices.iter().map(|&v| v as usize) {
         let neighbours = input.adjacency.neighbours(v).iter().map(|&n| n as usize);
-        for n in neighbours.filter(|&n| n > v && candidate_of[n].is_some()) {
+        for n in neighbours.filter(|&n| n > v && listed[n]) {
             sum += input.mesh.vertices()[v].distance(input.mesh.vertices()[n]);
             count += 1;
         }
     }
     (sum / f64::from(count.max(1))) as f32
+}
+
+/// True for the given vertices (V).
+fn listed(input: &PatchInput<'_>, vertices: &[u32]) -> Vec<bool> {
+    let mut listed = vec![false; input.mesh.vertex_count()];
+    vertices.iter().for_each(|&v| listed[v as usize] = true);
+    listed
 }

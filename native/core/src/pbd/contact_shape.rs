@@ -3,8 +3,33 @@
 
 use glam::{Affine3A, Vec3};
 
-use super::contact::JointContact;
+use super::contact::{JointContact, THICKNESS};
+use super::fold_field::{FoldField, Place};
 use super::island::Island;
+
+impl JointContact {
+    /// Takes from the rest state, or another shape's, what the candidates keep: how far they overlap
+    /// and are shut in there.
+    pub(super) fn keep_rest(&mut self, positions: &[Vec3]) {
+        let fold = self.plane_between(&Affine3A::IDENTITY, &Affine3A::IDENTITY);
+        let mut field = FoldField::default();
+        let places: Vec<Place> = match &fold {
+            Some(fold) => self.vertices.iter().zip(positions).map(|(v, &p)| self.place(fold, v, p)).collect(),
+            None => Vec::new(),
+        };
+        let meets = fold.is_some() && field.fill(&places, &self.scale()) > 0.0;
+        let thickness = THICKNESS * self.radius;
+        for (index, vertex) in self.vertices.iter_mut().enumerate() {
+            (vertex.rest_shut_in, vertex.rest_overlap) = (0.0, 0.0);
+            if meets {
+                let place = &places[index];
+                vertex.rest_shut_in = field.shut_in(field.locate(place));
+                let beyond = place.beyond - field.middle(place) + thickness;
+                vertex.rest_overlap = field.sunk(place, beyond).max(0.0);
+            }
+        }
+    }
+}
 
 /// The contacts of an island over other rest positions `vertices` of the whole surface. Joints that
 /// cannot be in contact under `local` transforms are left out of the work, not of the result.
@@ -13,23 +38,8 @@ pub(super) fn reshaped(island: &Island, local: &[Affine3A], vertices: &[Vec3]) -
     let mut positions = Vec::new();
     for contact in contacts.iter_mut().filter(|contact| contact.fold_plane(local).is_some()) {
         positions.clear();
-        let own = contact.vertices.iter().map(|v| vertices[island.surface[v.point as usize].vertex as usize]);
-        positions.extend(own);
-        reshape(contact, &positions);
+        positions.extend(contact.vertices.iter().map(|v| vertices[v.element as usize]));
+        contact.keep_rest(&positions);
     }
     contacts
-}
-
-fn reshape(contact: &mut JointContact, positions: &[Vec3]) {
-    let direction = |end: Vec3| (end - contact.joint).normalize_or_zero();
-    let normal = (direction(contact.down) - direction(contact.up)).normalize_or_zero();
-    let joint = contact.joint;
-    for (vertex, position) in contact.vertices.iter_mut().zip(positions) {
-        let beyond = (*position - joint).dot(normal) - vertex.seam;
-        vertex.rest_violation = (if vertex.below { -beyond } else { beyond }).max(0.0);
-    }
-    let overlaps = contact.rest_overlaps(positions);
-    for (vertex, overlap) in contact.vertices.iter_mut().zip(overlaps) {
-        vertex.rest_overlap = overlap;
-    }
 }

@@ -13,6 +13,9 @@ mod error;
 #[cfg(test)]
 mod finite_difference;
 mod fit;
+mod fold_field;
+mod fold_grid;
+mod fold_plane;
 mod island;
 mod lanes;
 #[cfg(target_arch = "x86_64")]

@@ -51,6 +51,8 @@ pub(super) type Rows = Vec<Vec<(u32, f64)>>;
 /// What every patch is built from.
 pub(super) struct PatchInput<'a> {
     pub mesh: &'a TriangleMesh,
+    /// Normals of its vertices, outwards.
+    pub normals: &'a [DVec3],
     pub skeleton: &'a Skeleton,
     /// Normalised.
     pub weights: &'a SkinWeights,

@@ -106,8 +106,10 @@ impl PbdSkin {
             pool.map_err(|e| PbdError::Threads { count, reason: e.to_string() })
         });
         let pool = pool.transpose()?;
-        let adjacency = Adjacency::new(mesh.vertex_count(), &mesh.topology());
-        let build = || build_islands(mesh, skeleton, weights, settings, stiffness_shares, &adjacency);
+        let topology = mesh.topology();
+        let adjacency = Adjacency::new(mesh.vertex_count(), &topology);
+        let build =
+            || build_islands(mesh, skeleton, weights, settings, stiffness_shares, &topology, &adjacency);
         let islands = pool.as_ref().map_or_else(build, |pool| pool.install(build))?;
         let moved = MovedVertices::new(&islands);
         let contacts = islands.par_iter().map(|island| SurfaceContacts::new(mesh, island)).collect();
@@ -295,10 +297,10 @@ impl PbdSkin {
             for ((island, contacts), scratch) in self.islands.iter().zip(&self.contacts).zip(scratch) {
                 let Some(frame) = &scratch.frame else { continue };
                 if is_rest {
-                    contacts.separate(&island.contacts, island, frame, &scratch.local, positions);
+                    contacts.separate(&island.contacts, frame, &scratch.local, positions);
                 } else {
                     let shaped = reshaped(island, &scratch.local, vertices);
-                    contacts.separate(&shaped, island, frame, &scratch.local, positions);
+                    contacts.separate(&shaped, frame, &scratch.local, positions);
                 }
             }
         }

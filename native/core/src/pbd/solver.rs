@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 use wide::f32x4;
 
 use super::active::ActivePart;
-use super::contact::{ContactScratch, FoldPlane};
+use super::contact::{ContactScratch, Firmness};
+use super::fold_plane::FoldPlane;
 use super::island::{Bind, Island, SurfacePoint};
 use super::lanes::{BATCH, Particle, on_widest_lanes};
 use super::stats::Work;
@@ -27,7 +28,9 @@ pub(super) struct Scratch {
     near: Vec<Vec<u32>>,
     /// True once [`Self::near`] is that of this pose.
     listed: bool,
-    contact: ContactScratch,
+    contacts: Vec<ContactScratch>,
+    /// Contact sweeps of this pose so far.
+    sweeps: usize,
     active: ActivePart,
     /// Joints that bend: bone, parent, and how far the start is from linear blending.
     bends: Vec<(u32, u32, f32)>,
@@ -81,6 +84,7 @@ pub(super) fn solve_island(
     free_concerned(island, scratch);
     scratch.work = Work { solved_islands: 1, ..Work::default() };
     scratch.listed = false;
+    scratch.sweeps = 0;
     for iteration in 0..settings.iterations {
         // Every second sweep runs backwards, so that no end of the island is always served last.
         let backwards = iteration % 2 == 1;
@@ -149,7 +153,7 @@ fn free_concerned(island: &Island, scratch: &mut Scratch) {
     let Scratch { active, particles, folds, near, .. } = scratch;
     for ((contact, fold), near) in island.cage_contacts.iter().zip(folds).zip(near) {
         for &candidate in near.iter().filter(|_| fold.is_some()) {
-            let point = &island.surface[contact.vertices[candidate as usize].point as usize];
+            let point = &island.surface[contact.vertices[candidate as usize].element as usize];
             point.corners.iter().for_each(|&corner| active.add(corner));
         }
     }
@@ -224,11 +228,14 @@ fn list_near(island: &Island, scratch: &mut Scratch) {
     for ((contact, fold), near) in island.cage_contacts.iter().zip(folds).zip(near) {
         let Some(fold) = fold else { continue };
         candidates.clear();
-        let points = contact.vertices.iter().map(|vertex| &island.surface[vertex.point as usize]);
+        let points = contact.vertices.iter().map(|vertex| &island.surface[vertex.element as usize]);
         candidates.extend(points.map(|point| point.position(particles)));
         contact.list_near(fold, candidates, near);
     }
 }
+
+/// Contact sweeps that share the height fields of the folds.
+const FIELD_SWEEPS: usize = 4;
 
 /// Pushes contact vertices back through the corners of the tetrahedra that hold them.
 fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
@@ -236,18 +243,22 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
         list_near(island, scratch);
         scratch.listed = true;
     }
-    let Scratch { particles, folds, candidates, near, contact: found, active, work, .. } = scratch;
-    for ((contact, fold), near) in island.cage_contacts.iter().zip(folds).zip(near) {
+    let Scratch { particles, folds, candidates, near, sweeps, contacts, active, work, .. } = scratch;
+    let refill = *sweeps % FIELD_SWEEPS == 0;
+    *sweeps += 1;
+    contacts.resize_with(folds.len(), ContactScratch::default);
+    let joints = island.cage_contacts.iter().zip(folds).zip(near).zip(contacts);
+    for (((contact, fold), near), found) in joints {
         let Some(fold) = fold else { continue };
-        if near.is_empty() {
+        if near.is_empty() || (!refill && found.level <= 0.0) {
             continue;
         }
         let point_of =
-            |listed: usize| &island.surface[contact.vertices[near[listed] as usize].point as usize];
+            |listed: usize| &island.surface[contact.vertices[near[listed] as usize].element as usize];
         work.contact_candidates += near.len();
         candidates.clear();
         candidates.extend((0..near.len()).map(|listed| point_of(listed).position(particles)));
-        contact.pushes(fold, near, candidates, found);
+        contact.pushes(fold, near, candidates, refill, Firmness::CAGE, found);
         for push in &found.pushes {
             let point = point_of(push.listed as usize);
             // Pushes before this one may have moved the same corners.
@@ -258,9 +269,9 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
             let w = corners.map(|corner| active.inverse_masses[corner]);
             let b = point.barycentric;
             let mass: f32 = (0..4).map(|k| w[k] * b[k] * b[k]).sum();
-            // Where little is free, most of a push would move a corner far: leave it to the surface.
-            if left > 0.0 && mass > LEAST_CONTACT_MASS {
-                let step = push.offset * (left / (length * mass));
+            if left > 0.0 {
+                // Where little is free, all of a push would move a corner far: the surface follows then.
+                let step = push.offset * (left / (length * mass.max(LEAST_CONTACT_MASS)));
                 for k in 0..4 {
                     let step = step * (w[k] * b[k]);
                     particles[corners[k]] += f32x4::new([step.x, step.y, step.z, 0.0]);
@@ -270,9 +281,9 @@ fn sweep_contacts(island: &Island, scratch: &mut Scratch) {
     }
 }
 
-/// Smallest Σ w b² of a tetrahedron that takes a push; a quarter when all four corners are free
-/// and share alike.
-const LEAST_CONTACT_MASS: f32 = 0.05;
+/// Σ w b² of a tetrahedron whose corners are all free and share a push alike; what has less takes a
+/// part of a push only.
+const LEAST_CONTACT_MASS: f32 = 0.25;
 
 #[cfg(test)]
 mod tests {
@@ -288,14 +299,16 @@ mod tests {
     #[test]
     fn solutions_on_all_lane_widths_agree_to_a_millionth_of_the_height() {
         let (mesh, skeleton, weights) = prism(|_| 1.0);
-        let adjacency = Adjacency::new(mesh.vertex_count(), &mesh.topology());
+        let topology = mesh.topology();
+        let adjacency = Adjacency::new(mesh.vertex_count(), &topology);
         let turned = |x: f32, turn: Affine3A| {
             Affine3A::from_translation(Vec3::X * x) * turn * Affine3A::from_translation(Vec3::X * -x)
         };
         let bend = turned(-2.0, Affine3A::from_rotation_z(1.4));
         let pose = [Affine3A::IDENTITY, bend, bend * turned(2.0, Affine3A::from_rotation_x(2.0))];
         for settings in [PbdSettings::default(), PbdSettings::paper()] {
-            let islands = build_islands(&mesh, &skeleton, &weights, &settings, None, &adjacency).unwrap();
+            let islands =
+                build_islands(&mesh, &skeleton, &weights, &settings, None, &topology, &adjacency).unwrap();
             assert!(!islands.is_empty());
             for island in &islands {
                 let solve = || {

@@ -3,13 +3,13 @@
 
 use glam::{Affine3A, Vec3};
 
-use super::contact::{ContactScratch, JointContact};
+use super::contact::{ContactScratch, Firmness, JointContact};
 use super::island::Island;
 use super::self_collision::{mean_value_coordinates, relax};
 use crate::mesh::TriangleMesh;
 
-/// Rounds of projection and relaxation.
-const ROUNDS: usize = 2;
+/// Rounds of projection; the first is followed by relaxation.
+const ROUNDS: usize = 3;
 
 /// One-rings of an island's contact candidates, with mean value coordinates from the rest pose.
 #[derive(Debug, Clone, Default)]
@@ -25,7 +25,7 @@ impl SurfaceContacts {
         let mut wanted = vec![false; mesh.vertex_count()];
         for contact in &island.contacts {
             for vertex in &contact.vertices {
-                wanted[island.surface[vertex.point as usize].vertex as usize] = true;
+                wanted[vertex.element as usize] = true;
             }
         }
         for &[a, b, c] in mesh.triangles() {
@@ -47,8 +47,7 @@ impl SurfaceContacts {
             phi.iter().all(|phi| (-0.5..=1.5).contains(phi)).then(|| ring.into_iter().zip(phi).collect())
         };
         let rings_of = |contact: &JointContact| {
-            let vertices = contact.vertices.iter().map(|v| island.surface[v.point as usize].vertex);
-            vertices.map(|vertex| ring_of(vertex).unwrap_or_default()).collect()
+            contact.vertices.iter().map(|v| ring_of(v.element).unwrap_or_default()).collect()
         };
         Self { rings: island.contacts.iter().map(rings_of).collect() }
     }
@@ -58,35 +57,47 @@ impl SurfaceContacts {
     pub(super) fn separate(
         &self,
         contacts: &[JointContact],
-        island: &Island,
         frame: &Affine3A,
         local: &[Affine3A],
         positions: &mut [Vec3],
     ) {
         let inverse = frame.inverse();
         let mut candidates: Vec<Vec3> = Vec::new();
-        let mut found = ContactScratch::default();
-        for (contact, rings) in contacts.iter().zip(&self.rings) {
-            let Some(fold) = contact.fold_plane(local) else { continue };
-            let all = contact.all();
-            let vertex_of =
-                |candidate: usize| island.surface[contact.vertices[candidate].point as usize].vertex as usize;
-            for round in 0..ROUNDS {
+        let mut works = vec![(Vec::new(), ContactScratch::default()); contacts.len()];
+        for round in 0..ROUNDS {
+            // One joint after the other, so that what several of them press upon ends between all.
+            for ((contact, rings), (near, found)) in contacts.iter().zip(&self.rings).zip(&mut works) {
+                let Some(fold) = contact.fold_plane(local) else { continue };
+                let position = |candidate: u32, positions: &[Vec3]| {
+                    inverse.transform_point3(positions[contact.vertices[candidate as usize].element as usize])
+                };
+                if round == 0 {
+                    candidates.clear();
+                    candidates.extend((0..contact.vertices.len() as u32).map(|c| position(c, positions)));
+                    contact.list_near(&fold, &candidates, near);
+                }
+                if near.is_empty() {
+                    continue;
+                }
+                let vertex_of =
+                    |listed: u32| contact.vertices[near[listed as usize] as usize].element as usize;
                 candidates.clear();
-                let own =
-                    (0..contact.vertices.len()).map(|c| inverse.transform_point3(positions[vertex_of(c)]));
-                candidates.extend(own);
-                contact.pushes(&fold, &all, &candidates, &mut found);
-                for push in &found.pushes {
-                    positions[vertex_of(push.listed as usize)] += frame.transform_vector3(push.offset);
-                }
-                if round + 1 == ROUNDS {
-                    break;
+                candidates.extend(near.iter().map(|&c| position(c, positions)));
+                contact.pushes(&fold, near, &candidates, true, Firmness::SURFACE, found);
+                if found.pushes.is_empty() {
+                    near.clear();
+                    continue;
                 }
                 for push in &found.pushes {
-                    let ring = &rings[push.listed as usize];
+                    positions[vertex_of(push.listed)] += frame.transform_vector3(push.offset);
+                }
+                if round > 0 {
+                    continue;
+                }
+                for push in &found.pushes {
+                    let ring = &rings[near[push.listed as usize] as usize];
                     if !ring.is_empty() {
-                        let vertex = vertex_of(push.listed as usize);
+                        let vertex = vertex_of(push.listed);
                         let neighbours = ring.iter().map(|&(n, phi)| (phi, positions[n as usize]));
                         // Relaxation sets in with the push, so that nothing jumps at first touch.
                         let share = (push.offset.length() / contact.spacing).min(1.0);

@@ -8,7 +8,7 @@ use super::{Real, least_volume_divisor, project_volume, signed_volume};
 /// Share of its rest volume that every tetrahedron keeps.
 const LEAST_VOLUME: f32 = 0.1;
 /// Sweeps over tetrahedra that have less, at most.
-const MOST_SWEEPS: usize = 20;
+const MOST_SWEEPS: usize = 40;
 
 /// Projects the volume constraint as an inequality: opens tetrahedra of the `active` batches that
 /// have less than a share of their rest volume, and no others. `flat` is a buffer.
