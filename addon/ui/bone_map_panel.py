@@ -20,7 +20,7 @@ class DERMIS_UL_bone_map(bpy.types.UIList):
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
         """Draw one pair; the target bone can be changed."""
-        split = layout.split(factor=0.4, align=True)
+        split = layout.split(factor=0.36, align=True)
         split.label(text=item.source)
         row = split.row(align=True)
         source, target = source_of(context), single_target(context)
