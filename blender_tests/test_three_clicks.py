@@ -106,6 +106,18 @@ def test_a_bare_body(metarig, kind, name):
     assert_in_place(ob, rig, kind)
 
 
+def test_the_head_reaches_the_crown(metarig):
+    """And not the chin, which juts out in the plane of symmetry as a snout does."""
+    body = makehuman.decimated(makehuman.body("AVERAGE", **makehuman.AVERAGE), 12000)
+    body = makehuman.permuted(body, seed=2)
+    ob = c.mesh_object("Average", body.vertices, body.triangles.tolist())
+    rig = metarig("human")
+    c.activate(rig, ob)
+    assert bpy.ops.dermis.fit_skeleton() == {"FINISHED"}
+    crown = (rig.matrix_world @ rig.data.bones["spine.006"].tail_local).z
+    assert 0.97 < crown / body.vertices[:, 2].max() < 1.0
+
+
 @pytest.mark.skipif(not fits.SHARED.is_dir(), reason="needs the test characters")
 @pytest.mark.parametrize(
     ("name", "kind"),

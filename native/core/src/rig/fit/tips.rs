@@ -10,6 +10,8 @@ use crate::rig::bind::Plane;
 
 /// Tips reach at least this share of the body's geodesic diameter over where they begin.
 const SHORTEST: f64 = 0.025;
+/// Tips of the outline nearer than this to an ordinary tip, as a share of the diameter, are on its limb.
+const SAME_LIMB: f64 = 0.15;
 /// The most tips to look at.
 const MOST: usize = 20;
 
@@ -80,7 +82,14 @@ impl Tips {
                 })
                 .collect();
             for (voxel, length) in longest(lasting_maxima(ways, &in_plane)) {
-                let is_new = |tip: &Tip| tip.distances[voxel as usize] > SHORTEST * diameter;
+                let is_new = |tip: &Tip| {
+                    let apart = tip.distances[voxel as usize];
+                    let is_farther = from_middle[tip.voxel as usize] >= from_middle[voxel as usize];
+                    let in_plane = plane.height(field.position(tip.voxel)).abs() <= 2.0 * field.cell;
+                    // A chin or a nose below a crown that is in the plane itself ends no limb of its own.
+                    apart > SHORTEST * diameter
+                        && !(!tip.is_middle && in_plane && is_farther && apart < SAME_LIMB * diameter)
+                };
                 if tips.iter().all(is_new) {
                     tips.push(tip((voxel, length), true));
                 }
