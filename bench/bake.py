@@ -66,10 +66,10 @@ def walking_body():
     return ob
 
 
-def motion(ob):
+def motion(ob, frames=FRAMES):
     """What every frame shows (F,V,3)."""
     shown = []
-    for frame in range(1, FRAMES + 1):
+    for frame in range(1, frames + 1):
         bpy.context.scene.frame_set(frame)
         mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         flat = np.empty(len(mesh.vertices) * 3, np.float32)

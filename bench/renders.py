@@ -22,26 +22,13 @@ import extension  # noqa: E402  before bpy, which looks for its profile when it 
 # isort: split
 import bake  # noqa: E402
 import bpy  # noqa: E402
-import numpy as np  # noqa: E402
 import scene  # noqa: E402
 from PIL import Image  # noqa: E402
 
 
-def shown(ob, frames):
-    """What the viewport shows (F,V,3)."""
-    found = []
-    for frame in range(1, frames + 1):
-        bpy.context.scene.frame_set(frame)
-        mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-        flat = np.empty(len(mesh.vertices) * 3, np.float32)
-        mesh.vertices.foreach_get("co", flat)
-        found.append(flat)
-    return np.array(found)
-
-
 def play(ob, points, path):
-    """Let a modifier of Blender show the points (F,V*3) in the place of the skin."""
-    head = struct.pack("<12siiffi", b"POINTCACHE2\0", 1, points.shape[1] // 3, 1.0, 1.0, len(points))
+    """Let a modifier of Blender show the points (F,V,3) in the place of the skin."""
+    head = struct.pack("<12siiffi", b"POINTCACHE2\0", 1, points.shape[1], 1.0, 1.0, len(points))
     path.write_bytes(head + points.astype("<f4").tobytes())
     bpy.context.view_layer.objects.active = ob.parent
     if bpy.ops.dermis.skin_disable() != {"FINISHED"}:
@@ -93,7 +80,7 @@ def main(frames, rounds):
     """Render, compare, and print a line for each round."""
     extension.install(extension.built_zip())
     ob = walk_for(frames)
-    points = shown(ob, frames)
+    points = bake.motion(ob, frames)
     first, seconds = rendered(frames)
     print(f"{frames} frames, {len(set(first))} different pictures, {seconds:.3f} s each", flush=True)
     for number in range(2, rounds + 1):
