@@ -6,6 +6,7 @@
 mod adjacency;
 mod closest_point;
 mod error;
+mod outward_normals;
 mod part_choice;
 mod polygons;
 mod submesh;

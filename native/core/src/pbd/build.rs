@@ -1,6 +1,5 @@
 //! From a rigged mesh to the islands of its cage.
 
-use glam::DVec3;
 use rayon::prelude::*;
 
 use super::areas::{self, JointAreas};
@@ -38,7 +37,7 @@ pub(super) fn build_islands(
     let areas = JointAreas::new(mesh, skeleton, &weights, settings.cell_size);
     let masks = PatchMasks::new(mesh, adjacency, &areas);
     let winding = WindingNumber::new(mesh);
-    let normals = outward_normals(mesh, topology.components());
+    let normals = mesh.outward_normals(topology);
     let input = PatchInput {
         mesh,
         normals: &normals,
@@ -61,26 +60,6 @@ pub(super) fn build_islands(
     // The largest first, so that no thread starts it last.
     islands.sort_by_key(|island| std::cmp::Reverse(island.tetrahedra.len()));
     Ok(islands)
-}
-
-/// Vertex normals, turned outwards: a component may be inside out.
-fn outward_normals(mesh: &TriangleMesh, components: &[u32]) -> Vec<DVec3> {
-    let count = components.iter().max().map_or(0, |&last| last as usize + 1);
-    let (mut volumes, mut first) = (vec![0.0; count], vec![None; count]);
-    for (t, triangle) in mesh.triangles().iter().enumerate() {
-        let component = components[triangle[0] as usize] as usize;
-        let corner = mesh.vertices()[triangle[0] as usize];
-        // Relative to a place on the component, so that open ones count too.
-        let origin = *first[component].get_or_insert(corner);
-        volumes[component] += (corner - origin).dot(mesh.area_vector(t));
-    }
-    let mut normals = mesh.vertex_normals();
-    for (normal, &component) in normals.iter_mut().zip(components) {
-        if volumes[component as usize] < 0.0 {
-            *normal = -*normal;
-        }
-    }
-    normals
 }
 
 /// Where all patches together have too many tetrahedra, those that fill something much thicker than
@@ -107,24 +86,4 @@ fn with_coarser_faces(
             }
         })
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn normals_point_outwards_also_where_a_surface_is_inside_out() {
-        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-        let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
-        let vertices =
-            corners.iter().chain(&corners).enumerate().map(|(i, &p)| p + DVec3::X * (3 * (i / 4)) as f64);
-        let flipped = faces.map(|[a, b, c]| [a + 4, c + 4, b + 4]);
-        let mesh = TriangleMesh::new(vertices.collect(), faces.into_iter().chain(flipped).collect()).unwrap();
-        let normals = outward_normals(&mesh, mesh.topology().components());
-        for (v, normal) in normals.iter().enumerate() {
-            let centre = DVec3::splat(0.25) + DVec3::X * (3 * (v / 4)) as f64;
-            assert!(normal.dot(mesh.vertices()[v] - centre) > 0.0, "{v}");
-        }
-    }
 }

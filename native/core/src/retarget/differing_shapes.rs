@@ -30,9 +30,7 @@ use crate::cage::WindingNumber;
 use crate::mesh::{Adjacency, Submesh, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::rig::{BoneMap, Skeleton, distance_to_segment};
-use crate::skinning::SkinWeights;
-use crate::skinning::row_of;
-use crate::skinning::{Row, blend, normalized};
+use crate::skinning::{Row, SkinWeights, blend, normalized, row_of};
 
 /// Distance left, relative to the radius, up to which shapes are alike,
 const ALIKE: f64 = 0.07;

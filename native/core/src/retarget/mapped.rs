@@ -9,9 +9,7 @@ use super::{Character, Method, RetargetError, Retargeted, Settings, by_method, c
 use crate::mesh::TriangleMesh;
 use crate::progress::Progress;
 use crate::rig::{BindSettings, BoneMap, Skeleton, bind_weights, map_bones};
-use crate::skinning::Row;
-use crate::skinning::SkinWeights;
-use crate::skinning::row_of;
+use crate::skinning::{Row, SkinWeights, row_of};
 
 /// Gives the target the weights of the source.
 ///
