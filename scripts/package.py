@@ -8,6 +8,7 @@ standard libraries for the other systems come from rustup.
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import struct
 import subprocess
@@ -78,8 +79,8 @@ def build_wheel(platform: str, folder: Path) -> Path:
     wanted = PLATFORMS[platform]
     build = [str(VENV_PYTHON), "-m", "maturin", "build", "--release", "--locked", "--zig"]
     build += ["--manifest-path", str(BINDING / "Cargo.toml"), "--target", wanted.target, "--out", str(folder)]
-    # maturin finds zig where the environment's programs are.
-    run([*build, *wanted.options], {"VIRTUAL_ENV": str(VENV)})
+    # maturin asks the first Python on the path for zig.
+    run([*build, *wanted.options], {"PATH": os.pathsep.join([str(VENV / "bin"), os.environ.get("PATH", os.defpath)])})
     built = [path for path in folder.glob(f"dermis_native-{version()}-*.whl") if platform_of(path.name) == platform]
     if len(built) != 1:
         fail(f"maturin left {len(built)} wheels for {platform} instead of one")
