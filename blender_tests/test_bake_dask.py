@@ -1,63 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Frames solved by a Dask cluster of three processes: the same bytes, whatever happens to a worker."""
 
-import json
-import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import bakes as b
 import bpy
 import characters as c
+import dask_cluster
 import pytest
 from scratch_profile import MODULE
 
-distributed = pytest.importorskip("distributed")
+pytest.importorskip("distributed")
 
-SCHEDULER = "import sys; from distributed.cli.dask_scheduler import main; sys.argv[1:] = {}; main()"
-WORKER = "import sys; from distributed.cli.dask_worker import main; sys.argv[1:] = {}; main()"
 FRAMES = 240
-
-
-def start(program, *options):
-    """A process of the cluster; the native module is the environment's own, as on a worker without Blender."""
-    return subprocess.Popen(
-        [sys.executable, "-c", program.format(list(options))], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
 
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory):
-    """The address of a scheduler without workers."""
-    place = tmp_path_factory.mktemp("scheduler") / "scheduler.json"
-    options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(place)]
-    process = start(SCHEDULER, *options)
-    try:
-        for _ in range(600):
-            if place.exists() and place.stat().st_size:
-                break
-            time.sleep(0.1)
-        yield json.loads(place.read_text())["address"]
-    finally:
-        process.kill()
-        process.wait()
+    with dask_cluster.scheduler(tmp_path_factory.mktemp("scheduler")) as address:
+        yield address
 
 
 @pytest.fixture
 def workers(scheduler, tmp_path):
-    """Three processes that solve."""
-    options = ["--nthreads", "1", "--no-dashboard", "--no-nanny", "--local-directory", str(tmp_path)]
-    processes = [start(WORKER, scheduler, *options) for _ in range(3)]
-    try:
-        with distributed.Client(scheduler, timeout=60) as client:
-            client.wait_for_workers(3, timeout=120)
+    with dask_cluster.workers(scheduler, tmp_path) as processes:
         yield processes
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
 
 
 @pytest.fixture

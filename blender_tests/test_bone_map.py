@@ -199,16 +199,21 @@ def test_panel():
     source, target, own = pair()
     assert draw("DERMIS_PT_bone_map") == ["None: mapped with each retargeting", "dermis.map_bones"]
     bpy.ops.dermis.map_bones()
-    assert "DERMIS_UL_bone_map" in draw("DERMIS_PT_bone_map")
+    shown = draw("DERMIS_PT_bone_map")
+    assert shown[0] == "DERMIS_UL_bone_map"
+    assert shown[-3:] == ["target", "Both bones have one name", "dermis.map_bones"]
     kept = target.dermis_retarget
     drawn = []
     kind = bpy.types.DERMIS_UL_bone_map
     kind.draw_item(None, bpy.context, Layout(drawn), kept, kept.bone_map[0], 0, kept, "", 0, 0)
-    assert drawn == ["lower", "target", "CHECKMARK"]
+    assert drawn == ["lower", "lower", "CHECKMARK"]
+    kept.bone_map[0].target = "middle"
+    assert "Chosen by hand" in draw("DERMIS_PT_bone_map")
     kept.bone_map[0].target = ""
+    assert "Weight goes to the nearest mapped ancestor" in draw("DERMIS_PT_bone_map")
     drawn.clear()
     kind.draw_item(None, bpy.context, Layout(drawn), kept, kept.bone_map[0], 0, kept, "", 0, 0)
-    assert drawn == ["lower", "target", "TRIA_UP"]
+    assert drawn == ["lower", "RIGHTARROW_THIN", "TRIA_UP"]
     c.activate(source, target, own)
     bpy.data.objects.remove(bpy.data.objects["SourceRig"])
     assert any(text.startswith("This list belongs to") for text in draw("DERMIS_PT_bone_map"))

@@ -33,6 +33,7 @@ def parser(prog: str, known: Mapping[str, Mapping[str, Option]]) -> argparse.Arg
     run.description = "Run a recipe: a JSON file that says what is done to which files."
     run.add_argument("recipe", metavar="RECIPE.json", help="the recipe; its paths are relative to its folder")
     run.add_argument("--job", action="append", default=[], metavar="NAME", help="run this job alone; repeatable")
+    run.add_argument("--dask", default="", metavar="ADDRESS", help="let workers of this Dask scheduler run the jobs")
     run.add_argument("--list", action="store_true", help="print the names of the jobs and end")
     _add_common(run)
     return top

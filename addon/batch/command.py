@@ -18,6 +18,7 @@ from ..core.recipe import Job, read_recipe, read_step
 from .arguments import parser, step_data
 from .job import run_jobs, say
 from .operator_options import command_options
+from .spread import spread_jobs
 from .step import FAILED, PROBLEMS
 
 NAME = "dermis"
@@ -43,7 +44,14 @@ def main(arguments: Sequence[str], prog: str = f"blender --command {NAME}") -> i
         print("\n".join(job.name for job in jobs), flush=True)
         return EXIT_DONE
     try:
-        entries = run_jobs(jobs, found.enable_autoexec)
+        if found.command == "run" and found.dask:
+            flags = ("--enable-autoexec",) if found.enable_autoexec else ()
+            entries = spread_jobs(found.dask, Path(found.recipe).absolute(), jobs, flags)
+        else:
+            entries = run_jobs(jobs, found.enable_autoexec)
+    except InputError as error:
+        say(f"error: {error}")
+        return EXIT_FAILED
     except KeyboardInterrupt:
         say("stopped; what was not saved yet is not written")
         return EXIT_FAILED

@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames solved by a Dask cluster, which spreads them over machines and tries again when a worker dies.
+"""A Dask cluster, which spreads frames or jobs over machines and tries again when a worker dies.
 
 A frame is a function of its pose alone, so it does not matter who solves it. Workers need the packages
-`distributed` and `dermis_native` of the version used here, and neither Blender nor this add-on: what they run is
-sent along.
+`distributed` and `dermis_native` of the version used here, for frames neither Blender nor this add-on: what they
+run is sent along.
 """
 
 from __future__ import annotations
 
+import itertools
 import operator
 import sys
-from collections.abc import Callable, Generator, Sequence
+import uuid
+from collections.abc import Callable, Generator, Iterable, Sequence
+from functools import partial
 from types import TracebackType
 from typing import Any
 
@@ -67,26 +70,67 @@ class Cluster:
     ) -> Generator[tuple[int, Weights]]:
         """Index and positions (V,3) of each sample, in any order. `stop` raises when no more is wanted."""
         import cloudpickle
-        import distributed
-
-        wait: Any = distributed.wait
-
-        def send(task: Callable[..., Any], *inputs: Any) -> Any:
-            return self._client.submit(task, *inputs, pure=False, retries=RETRIES)
 
         # Built by a worker from arrays, and again by another one when that worker dies. What is Dermis' own goes
         # as bytes: by itself Dask would name the module, which a worker has not.
-        skin = send(cloudpickle.loads, cloudpickle.dumps(frames))
-        solve = send(cloudpickle.loads, cloudpickle.dumps(_positions))
-        waiting = [range(start, min(start + PIECE, len(samples))) for start in range(0, len(samples), PIECE)]
-        waiting.reverse()
-        running: dict[Any, range] = {}
+        skin = self._send(cloudpickle.loads, cloudpickle.dumps(frames))
+        solve = self._send(cloudpickle.loads, cloudpickle.dumps(_positions))
+
+        def send(piece: range) -> Any:
+            poses = cloudpickle.dumps([samples[index] for index in piece])
+            return self._send(operator.call, solve, skin, poses, dermis_native.__version__)
+
+        pieces = [range(start, min(start + PIECE, len(samples))) for start in range(0, len(samples), PIECE)]
         try:
-            while waiting or running:
-                while waiting and len(running) < max(1, self._workers()) * PIECES_PER_WORKER:
-                    piece = waiting.pop()
-                    poses = cloudpickle.dumps([samples[index] for index in piece])
-                    running[send(operator.call, solve, skin, poses, dermis_native.__version__)] = piece
+            for number, future in self._done((partial(send, piece) for piece in pieces), PIECES_PER_WORKER, stop):
+                yield from zip(pieces[number], self._result(future), strict=True)
+        finally:
+            self._client.cancel([skin, solve])
+
+    def done(
+        self, task: Callable[..., Any], inputs: Sequence[tuple[Any, ...]]
+    ) -> Generator[tuple[int, Any | InputError]]:
+        """Index and result of `task(*inputs, stopped)` for each of the inputs, in any order, one at a time on each
+        worker; an InputError in the place of a result that there is not.
+
+        `stopped` says whether the result is still wanted: after leaving the generator early it is not.
+        """
+        import cloudpickle
+        import distributed
+
+        make: Any = distributed.Event
+        end = make(f"dermis-{uuid.uuid4().hex}", client=self._client)
+        work = self._send(cloudpickle.loads, cloudpickle.dumps(partial(_until, end.name, task)))
+        orders = (partial(self._send, operator.call, work, *each) for each in inputs)
+        try:
+            for number, future in self._done(orders, 1, lambda: None):
+                try:
+                    result = self._result(future)
+                except InputError as error:
+                    result = error
+                yield number, result
+        finally:
+            end.set()
+            self._client.cancel([work])
+
+    def _send(self, task: Callable[..., Any], *inputs: Any) -> Any:
+        return self._client.submit(task, *inputs, pure=False, retries=RETRIES)
+
+    def _done(
+        self, orders: Iterable[Callable[[], Any]], per_worker: int, stop: Callable[[], None]
+    ) -> Generator[tuple[int, Any]]:
+        """Number and future of each order when it is done; so many are under way for each worker."""
+        import distributed
+
+        wait: Any = distributed.wait
+        waiting = enumerate(orders)
+        running: dict[Any, int] = {}
+        try:
+            while True:
+                free = max(1, self._workers()) * per_worker - len(running)
+                running.update((send(), number) for number, send in itertools.islice(waiting, max(free, 0)))
+                if not running:
+                    return
                 stop()
                 try:
                     with self._client.as_current():
@@ -94,20 +138,20 @@ class Cluster:
                 except TimeoutError:
                     continue
                 for future in done:
-                    yield from zip(running.pop(future), self._result(future), strict=True)
+                    yield running.pop(future), future
         finally:
-            self._client.cancel([skin, solve, *running])
+            self._client.cancel(list(running))
 
-    def _result(self, future: Any) -> list[Weights]:
+    def _result(self, future: Any) -> Any:
         from distributed import KilledWorker
 
         try:
-            return list(future.result())
+            return future.result()
         except KilledWorker as error:
             raise InputError(f"Workers of '{self._address}' died again and again: {error}.") from error
         except ModuleNotFoundError as error:
             raise InputError(f"A worker of '{self._address}' lacks a package: {error}.") from error
-        except ValueError as error:
+        except (OSError, ValueError) as error:
             raise InputError(f"A worker of '{self._address}' failed: {error}.") from error
 
     def _workers(self) -> int:
@@ -122,3 +166,11 @@ def _positions(frames: SkinFrames, samples: bytes, version: str) -> list[Weights
     if own.__version__ != version:
         raise ValueError(f"it has dermis_native {own.__version__} instead of {version}")
     return [frames.positions(sample) for sample in cloudpickle.loads(samples)]
+
+
+def _until(end: str, task: Callable[..., Any], *inputs: Any) -> Any:
+    """What a worker does; the name is that of the event which ends it."""
+    import distributed
+
+    make: Any = distributed.Event
+    return task(*inputs, make(end).is_set)

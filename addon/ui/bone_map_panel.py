@@ -13,23 +13,19 @@ from .selection import single_target, source_of
 
 # How a pair was found. A question mark asks to look at it; an arrow is for weight that goes to an ancestor.
 FOUND = {"NAME": "CHECKMARK", "SCHEME": "CHECKMARK", "STRUCTURE": "QUESTION", "USER": "USER"}
+NOWHERE = "TRIA_UP"
 
 
 class DERMIS_UL_bone_map(bpy.types.UIList):
     """Source bone, target bone, and a sign for how it was found."""
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
-        """Draw one pair; the target bone can be changed."""
-        split = layout.split(factor=0.36, align=True)
-        split.label(text=item.source)
-        row = split.row(align=True)
-        source, target = source_of(context), single_target(context)
-        armature = armatures(source, target)[1] if source is not None and target is not None else None
-        if armature is None:
-            row.prop(item, "target", text="")
-        else:
-            row.prop_search(item, "target", armature.data, "bones", text="")
-        row.label(text="", icon=FOUND.get(item.how, "BLANK1") if item.target else "TRIA_UP")
+        """Draw one pair."""
+        names = layout.split(factor=0.5)
+        names.label(text=item.source)
+        row = names.row()
+        row.label(text=item.target, icon="RIGHTARROW_THIN")
+        row.label(text="", icon=FOUND.get(item.how, "BLANK1") if item.target else NOWHERE)
 
     def filter_items(self, context, data, propname):
         """Show the rows whose source or target bone has the text of the filter."""
@@ -42,6 +38,20 @@ class DERMIS_UL_bone_map(bpy.types.UIList):
             for row in rows
         ]
         return shown, []
+
+
+def draw_pair(layout, pair, armature):
+    """Draw the target bone of the chosen pair, which can be changed, and how it was found."""
+    column = layout.column(align=True)
+    if armature is None:
+        column.prop(pair, "target", text="")
+    else:
+        column.prop_search(pair, "target", armature.data, "bones", text="")
+    if pair.target:
+        told = pair.bl_rna.properties["how"].enum_items[pair.how].description
+        column.label(text=told, icon=FOUND.get(pair.how, "BLANK1"))
+    else:
+        column.label(text="Weight goes to the nearest mapped ancestor", icon=NOWHERE)
 
 
 class DERMIS_PT_bone_map(SidebarPanel, bpy.types.Panel):
@@ -71,6 +81,8 @@ class DERMIS_PT_bone_map(SidebarPanel, bpy.types.Panel):
             column.operator(DERMIS_OT_bone_map_remove.bl_idname, text="", icon="REMOVE")
             column.separator()
             column.operator(DERMIS_OT_bone_map_clear.bl_idname, text="", icon="TRASH")
+            if 0 <= kept.active_bone_pair < len(kept.bone_map):
+                draw_pair(layout, kept.bone_map[kept.active_bone_pair], armatures(source, target)[1])
         else:
             layout.label(text="None: mapped with each retargeting", icon="INFO")
         layout.operator(DERMIS_OT_map_bones.bl_idname, icon="BONE_DATA")
