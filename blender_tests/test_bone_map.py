@@ -204,16 +204,25 @@ def test_panel():
     assert shown[-3:] == ["target", "Both bones have one name", "dermis.map_bones"]
     kept = target.dermis_retarget
     drawn = []
+
+    class Row(Layout):
+        def label(self, text="", icon="NONE"):
+            super().label(text, icon)
+            drawn.append((text, icon))
+
+        def split(self, **_):
+            return self
+
     kind = bpy.types.DERMIS_UL_bone_map
-    kind.draw_item(None, bpy.context, Layout(drawn), kept, kept.bone_map[0], 0, kept, "", 0, 0)
-    assert drawn == ["lower", "lower", "CHECKMARK"]
+    kind.draw_item(None, bpy.context, Row([]), kept, kept.bone_map[0], 0, kept, "", 0, 0)
+    assert drawn == [("lower", "CHECKMARK"), ("lower", "NONE")]
     kept.bone_map[0].target = "middle"
     assert "Chosen by hand" in draw("DERMIS_PT_bone_map")
     kept.bone_map[0].target = ""
     assert "Weight goes to the nearest mapped ancestor" in draw("DERMIS_PT_bone_map")
     drawn.clear()
-    kind.draw_item(None, bpy.context, Layout(drawn), kept, kept.bone_map[0], 0, kept, "", 0, 0)
-    assert drawn == ["lower", "RIGHTARROW_THIN", "TRIA_UP"]
+    kind.draw_item(None, bpy.context, Row([]), kept, kept.bone_map[0], 0, kept, "", 0, 0)
+    assert drawn == [("lower", "TRIA_UP"), ("", "NONE")]
     c.activate(source, target, own)
     bpy.data.objects.remove(bpy.data.objects["SourceRig"])
     assert any(text.startswith("This list belongs to") for text in draw("DERMIS_PT_bone_map"))

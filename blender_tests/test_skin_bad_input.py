@@ -165,7 +165,7 @@ def test_linked_and_overridden(tmp_path):
         bpy.context.collection.objects.link(ob)
     refused(bpy.data.objects["Limb"], match="The object 'Limb' is linked from .*bake the skin")
     override = bpy.data.objects["Limb"].override_create(remap_local_usages=True)
-    refused(override, match="The object 'Limb' is a library override.*bake the skin")
+    refused(override, match="The object 'Limb' is a library override.*Bake Point Cache")
 
 
 def test_linked_skin_shows_why_it_stands_still(tmp_path):

@@ -62,6 +62,13 @@ def running():
 
 
 def picture(name):
+    # A region that was made again forgets its tab.
+    for region in view().regions:
+        if region.type == "UI" and region.active_panel_category not in ("UNSUPPORTED", "Dermis"):
+            region.active_panel_category = "Dermis"
+            region.tag_redraw()
+    with in_view():
+        bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
     # What is on the screen: Blender's own screenshot is black without a graphics card.
     subprocess.run(["import", "-window", "root", str(FOLDER / f"{name}.png")], check=True)
 
@@ -137,6 +144,8 @@ def session():
     source, target = (ob.name for ob in sorted(bodies, key=lambda ob: ob.parent.location.x))
     named(target).vertex_groups.clear()
     choose(named(source), named(target))
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "bare.blend"), copy=True)
+    (FOLDER / "names.json").write_text(json.dumps([source, target]), encoding="utf-8")
     remember()
     open_panels()
     yield from show_sidebar()
@@ -148,6 +157,7 @@ def session():
     yield from bones(source, target)
     yield from skin(target)
     yield from fitted(target)
+    yield from linked(target)
     yield from preferences()
 
 
@@ -173,6 +183,7 @@ def retargeted(target):
         "the weights are there", weight_count(named(target)) > 0, f"{last:.1f} s, longest pause {1000 * longest:.0f} ms"
     )
     picture("retargeted")
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "button.blend"), copy=True)
     written = weight_count(named(target))
     with in_view():
         bpy.ops.ed.undo()
@@ -266,6 +277,55 @@ def fitted(target):
         bpy.ops.ed.undo()
     yield 0.5
     said("one undo takes it back", moved() < 1e-6)
+
+
+def linked(target):
+    """A character that lives in another file: what the panel says, and its way."""
+    rig = named(target).parent.name
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "library.blend"), copy=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=False)
+    yield 1.0
+    with bpy.data.libraries.load(str(FOLDER / "library.blend"), link=True) as (_, wanted):
+        wanted.objects = [rig, target]
+    for ob in wanted.objects:
+        bpy.context.scene.collection.objects.link(ob)
+    bpy.context.scene.frame_end = 12
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "shot.blend"))
+    choose(named(rig), named(target))
+    yield from show_sidebar()
+    picture("linked")
+    told = refused("dermis.skin_enable")
+    said("a linked character is told its way", "Library Override" in told and "Bake Point Cache" in told, told)
+    with in_view():
+        bpy.ops.object.make_override_library()
+    yield 0.5
+    ours = {ob.type: ob.name for ob in bpy.data.objects if ob.override_library is not None}
+    said("it is overridden", set(ours) == {"ARMATURE", "MESH"})
+    choose(named(ours["ARMATURE"]))
+    remember()
+    yield 0.3
+    told = refused("dermis.skin_enable")
+    said("an override is told its way", "Bake Point Cache" in told, told)
+    started = press("dermis.bake")
+    yield from until(lambda: not running())
+    yield 0.5
+    kinds = [modifier.type for modifier in named(ours["MESH"]).modifiers]
+    said("its bake plays", "MESH_CACHE" in kinds, f"{started} {kinds}")
+    picture("override")
+    with in_view():
+        bpy.ops.ed.undo()
+    yield 0.5
+    kinds = [modifier.type for modifier in named(ours["MESH"]).modifiers]
+    said("one undo takes the modifier away", kinds == ["ARMATURE"])
+
+
+def refused(name):
+    """What an operator says that does nothing."""
+    try:
+        press(name)
+    except RuntimeError as error:
+        return " ".join(str(error).split())
+    return ""
 
 
 def preferences():

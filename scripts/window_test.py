@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +26,7 @@ SYSTEM = ROOT / ".window"
 PICTURES = DIST / "window"
 DOCS = ROOT / "docs" / "images"
 SESSION = ROOT / "blender_tests" / "window_session.py"
+COMPARE = ROOT / "blender_tests" / "window_compare.py"
 DEMO = ROOT / "demo" / "demo.blend"
 GRAPHICS = ("libgl1-mesa-dri", "libegl1", "libegl-mesa0")
 MODULES = ("python3-numpy", "python3-requests", "python3-zstandard")
@@ -82,8 +84,9 @@ def session(where: Place, zip_path: Path) -> list[dict[str, str | bool]]:
     """Install the zip by Blender's command line, run the session on a virtual screen, and give its result."""
     profile = where.inside / "profile"
     (where.folder / "profile").mkdir()
-    for path in (zip_path, DEMO, SESSION):
+    for path in (zip_path, DEMO, SESSION, COMPARE):
         shutil.copy2(path, where.folder)
+    told: list[dict[str, str | bool]] = []
     screen = f":{90 + os.getpid() % 900}"
     own = {
         **os.environ,
@@ -115,6 +118,13 @@ def session(where: Place, zip_path: Path) -> list[dict[str, str | bool]]:
             )
             start += ["--python", str(where.inside / SESSION.name), "--", str(where.inside)]
             subprocess.run(start, env=own, stdout=log, stderr=log, timeout=SESSION_SECONDS, check=True)
+            say("The same without a window")
+
+            def without_window(*words: str) -> int:
+                background = command(where.blender, *words)
+                return subprocess.run(background, env=own, stdout=log, stderr=log, timeout=SESSION_SECONDS).returncode
+
+            told = commands(where, without_window)
         except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
             print((where.folder / "log.txt").read_text(errors="replace")[-3000:], flush=True)
             print(error, flush=True)
@@ -124,7 +134,31 @@ def session(where: Place, zip_path: Path) -> list[dict[str, str | bool]]:
     result = where.folder / "result.json"
     if not result.is_file():
         return [{"step": "the session came to its end", "ok": False, "text": "it left no result"}]
-    return list(json.loads(result.read_text(encoding="utf-8")))
+    return [*json.loads(result.read_text(encoding="utf-8")), *told]
+
+
+def commands(where: Place, blender: Callable[..., int]) -> list[dict[str, str | bool]]:
+    """What `blender --command dermis` does with the session's files; `blender` gives an exit code."""
+    source, target = json.loads((where.folder / "names.json").read_text(encoding="utf-8"))
+    bare, button, written, skinned, baked = (
+        str(where.inside / f"{name}.blend") for name in ("bare", "button", "command", "skinned", "baked")
+    )
+    retarget = ("retarget", "--file", bare, "--output", written, "--source", source, "--targets", target)
+    skin = ("skin", "--file", written, "--output", skinned, "--objects", target)
+    bake = ("bake", "--file", skinned, "--output", baked, "--objects", target, "--directory", "//caches")
+    compare = ("--background", "--factory-startup", "--python-exit-code", "1", "--python")
+    steps = {
+        "blender --command dermis retarget": blender("--command", "dermis", *retarget) == 0,
+        "its weights are the button's": blender(
+            *compare, str(where.inside / COMPARE.name), "--", target, button, written
+        )
+        == 0,
+        "blender --command dermis skin": blender("--command", "dermis", *skin) == 0,
+        "blender --command dermis bake": blender("--command", "dermis", *bake) == 0
+        and len(list((where.folder / "caches").glob("*.pc2"))) == 1,
+        "a wrong option is exit code 2": blender("--command", "dermis", *retarget, "--max-influence", "4") == 2,
+    }
+    return [{"step": step, "ok": good, "text": ""} for step, good in steps.items()]
 
 
 def main() -> int:

@@ -19,12 +19,12 @@ def check_owner(ob: bpy.types.Object) -> None:
         if owner.library is not None:
             raise InputError(
                 f"The {what} '{owner.name}' is linked from '{owner.library.filepath}' and cannot keep a shape key: "
-                "bake the skin in that file, or use Object > Relations > Make Local first."
+                "use Object > Library Override > Make and then Bake Point Cache, or bake the skin in that file."
             )
         if owner.override_library is not None:
             raise InputError(
                 f"The {what} '{owner.name}' is a library override, which cannot keep a shape key: "
-                "bake the skin in its own file, or use Object > Library Override > Make Local first."
+                "use Bake Point Cache, or Object > Library Override > Make Local first."
             )
     if ob.data.users - ob.data.use_fake_user > 1:
         users = [other.name for other in bpy.data.objects if other.data == ob.data]

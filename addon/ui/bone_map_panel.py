@@ -17,15 +17,13 @@ NOWHERE = "TRIA_UP"
 
 
 class DERMIS_UL_bone_map(bpy.types.UIList):
-    """Source bone, target bone, and a sign for how it was found."""
+    """A sign for how the pair was found, source bone, target bone."""
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
         """Draw one pair."""
-        names = layout.split(factor=0.5)
-        names.label(text=item.source)
-        row = names.row()
-        row.label(text=item.target, icon="RIGHTARROW_THIN")
-        row.label(text="", icon=FOUND.get(item.how, "BLANK1") if item.target else NOWHERE)
+        split = layout.split(factor=0.55)
+        split.label(text=item.source, icon=FOUND.get(item.how, "BLANK1") if item.target else NOWHERE)
+        split.label(text=item.target)
 
     def filter_items(self, context, data, propname):
         """Show the rows whose source or target bone has the text of the filter."""
