@@ -84,6 +84,20 @@ def test_a_smooth_motion_has_no_pops(person):
     assert max(changes) <= 3 * np.median(changes)
 
 
+def test_an_arm_dents_the_trunk_instead_of_passing_into_it(person):
+    mesh, skeleton, weights, skin = person
+    rest, triangles = mesh.vertices, mesh.triangles
+    at_rest = crossing_pairs(rest, triangles)
+    apart = PbdSkin(mesh, skeleton, weights, self_collision=False)
+    left = {}
+    for degrees in (43, 49):
+        pose = turned(skeleton, {"upperarm_l": [0, np.radians(degrees), 0]})
+        left[degrees] = [len(crossing_pairs(s.solve(pose), triangles) - at_rest) for s in (apart, skin)]
+    print(f"crossing pairs without and with contact: {left}")
+    assert sum(without for without, _ in left.values()) > 50
+    assert sum(with_it for _, with_it in left.values()) <= 0.1 * sum(without for without, _ in left.values())
+
+
 # Fast Projective Skinning (`bench/skin.py`): the share of a joint's volume that it keeps, and the crossing
 # triangle pairs that it leaves; with collision where that is better.
 PEER_CYLINDER = {("bend", 90): (0.90, None), ("bend", 130): (0.81, 54), ("twist", 120): (0.86, None)}

@@ -49,6 +49,10 @@ const ENVELOPE_LACK: f32 = 0.35;
 const PRIOR: f32 = 2.0;
 /// From here on, in radii along the bend, sides that come near are past the fold's root.
 const PAST_ROOT: f32 = 0.75;
+/// So far from the joint, in radii, the sides of the limb itself cross the plane: no contact is seen there.
+const ROOT: f32 = 0.3;
+/// How steeply places there are lowered, so that none has a say the moment it passes the joint.
+const ROOT_SLOPE: f32 = 3.0;
 
 /// The field on a grid, with its buffers.
 #[derive(Debug, Clone, Default)]
@@ -79,19 +83,49 @@ impl FoldField {
             return 0.0;
         }
         let highest = self.highest;
-        let reach = |place: &&Place| {
+        // A place's say begins with nothing, at the rim of the grid as at the least height.
+        let reach = |place: &Place| {
             let other = highest[usize::from(!place.below)];
-            place.inwards > -scale.step && place.height + other > -scale.radius - scale.margin
+            let height = (place.height + other + scale.radius) / scale.margin + 1.0;
+            (place.inwards / scale.step + 1.0).min(height).min(1.0)
         };
-        if !self.lay_out(places.iter().filter(reach), scale.step) {
+        let within = |place: &&Place| reach(place) > 0.0;
+        if !self.lay_out(places.iter().filter(within), scale.step) {
             return 0.0;
         }
-        self.raise(places.iter().filter(reach));
-        if !self.meet(scale) {
+        self.raise(places.iter().map(|place| (place, reach(place))).filter(|(_, reach)| *reach > 0.0));
+        if !self.meet(scale, 0.5, 0.0) {
             return 0.0;
         }
         self.shut(scale);
         level
+    }
+
+    /// Fills the field from the places of two sides that have no root in common, and returns how deep they
+    /// overlap, at most; 0 where they are apart. The side above goes back by a share of it.
+    pub(super) fn fill_open(&mut self, places: &[Place], scale: &FieldScale, share: f32) -> f32 {
+        self.slack = scale.slack;
+        self.highest = [f32::NEG_INFINITY; 2];
+        for place in places {
+            let highest = &mut self.highest[usize::from(place.below)];
+            *highest = highest.max(place.height);
+        }
+        let highest = self.highest;
+        let reach = |place: &Place| {
+            let other = highest[usize::from(!place.below)];
+            ((place.height + other + scale.radius) / scale.margin + 1.0).min(1.0)
+        };
+        let within = |place: &&Place| reach(place) > 0.0;
+        if !self.lay_out(places.iter().filter(within), scale.step) {
+            return 0.0;
+        }
+        self.raise(places.iter().map(|place| (place, reach(place))).filter(|(_, reach)| *reach > 0.0));
+        if !self.meet(scale, share, f32::NEG_INFINITY) {
+            return 0.0;
+        }
+        let sums = self.sums[0].iter().zip(&self.sums[1]);
+        let known = sums.map(|(a, b)| a[1].min(1.0) * b[1].min(1.0));
+        self.overlap.iter().zip(known).map(|(overlap, known)| overlap * known).fold(0.0, f32::max)
     }
 
     /// How far the sides are in contact, seen along the bend alone: both always meet at the fold's
@@ -108,15 +142,17 @@ impl FoldField {
             line.clear();
             line.resize(count, f32::NEG_INFINITY);
         }
+        let root = (ROOT * scale.radius).max(step);
         for place in places.iter().filter(|place| place.inwards > 0.0) {
             let side = usize::from(place.below);
-            self.highest[side] = self.highest[side].max(place.height);
+            let height = place.height - ROOT_SLOPE * (root - place.inwards).max(0.0);
+            self.highest[side] = self.highest[side].max(height);
             let t = place.inwards / step;
             let node = (t as usize).min(count - 2);
             let t = t - node as f32;
             let line = &mut self.profiles[side];
-            line[node] = line[node].max(place.height - t * step);
-            line[node + 1] = line[node + 1].max(place.height - (1.0 - t) * step);
+            line[node] = line[node].max(height - t * step);
+            line[node + 1] = line[node + 1].max(height - (1.0 - t) * step);
         }
         for line in &mut self.profiles {
             for i in 1..count {
@@ -128,7 +164,8 @@ impl FoldField {
         }
         let [above, below] = &self.profiles;
         let (mut level, mut narrowest) = (0.0f32, f32::INFINITY);
-        for (i, (a, b)) in above.iter().zip(below).enumerate() {
+        let past_it = |(i, _): &(usize, _)| *i as f32 * step >= root;
+        for (i, (a, b)) in above.iter().zip(below).enumerate().filter(past_it) {
             let overlap = a + b;
             narrowest = narrowest.min(overlap);
             let near = smoothstep(1.0 + overlap / scale.margin);
@@ -178,10 +215,10 @@ impl FoldField {
         self.grid.locate([place.inwards, place.across])
     }
 
-    /// Heights of both sides at the nodes.
-    fn raise<'a>(&mut self, places: impl Iterator<Item = &'a Place> + Clone) {
+    /// Heights of both sides at the nodes, from places and how far each is within reach.
+    fn raise<'a>(&mut self, places: impl Iterator<Item = (&'a Place, f32)> + Clone) {
         let row = self.grid.size[0];
-        for place in places.clone() {
+        for (place, _) in places.clone() {
             let Located { node, s, t } = self.locate(place);
             let envelope = &mut self.envelopes[usize::from(place.below)];
             for (first, y) in [(node, t), (node + row, 1.0 - t)] {
@@ -193,11 +230,11 @@ impl FoldField {
         for side in 0..2 {
             spread(&mut self.envelopes[side], self.grid.size, self.grid.step);
         }
-        for place in places {
+        for (place, reach) in places {
             let side = usize::from(place.below);
             let located = self.locate(place);
             let hidden = (self.grid.at(&self.envelopes[side], located) - place.height) * self.grid.per_step;
-            let say = (1.0 - hidden).clamp(0.0, 1.0) * place.facing;
+            let say = (1.0 - hidden).clamp(0.0, 1.0) * place.facing * reach;
             if say <= 0.0 {
                 continue;
             }
@@ -223,21 +260,21 @@ impl FoldField {
     }
 
     /// Overlap and middle of the heights; false where the sides are too far apart everywhere.
-    fn meet(&mut self, scale: &FieldScale) -> bool {
+    fn meet(&mut self, scale: &FieldScale, share: f32, root: f32) -> bool {
         let [above, below] = &self.envelopes;
         self.overlap.clear();
         self.overlap.extend(above.iter().zip(below).map(|(a, b)| a + b));
         if !self.overlap.iter().any(|&overlap| overlap > -scale.margin) {
             return false;
         }
-        self.fit_middle(scale);
+        self.fit_middle(scale, share, root);
         true
     }
 
-    /// The plane half way between the sides by least squares, those nodes before all where the sides
-    /// are close. One plane for both sides: what it parts cannot cross.
-    fn fit_middle(&mut self, scale: &FieldScale) {
-        let [above, below] = &self.envelopes;
+    /// The plane between the sides, a share of the way down from the side above, by least squares, those
+    /// nodes before all where the sides are close. One plane for both sides: what it parts cannot cross.
+    fn fit_middle(&mut self, scale: &FieldScale, share: f32, root: f32) {
+        let above = &self.envelopes[0];
         let known = self.sums[0].iter().zip(&self.sums[1]).map(|(a, b)| a[1].min(1.0) * b[1].min(1.0));
         let lever = scale.radius.powi(2);
         let mut normal = Mat3::from_diagonal(Vec3::new(1.0, lever, lever) * PRIOR);
@@ -246,14 +283,14 @@ impl FoldField {
             let (i, j) = (node % self.grid.size[0], node / self.grid.size[0]);
             let x = self.grid.origin[0] + i as f32 * self.grid.step;
             let y = self.grid.origin[1] + j as f32 * self.grid.step;
-            if known <= 0.0 || x <= 0.0 {
+            if known <= 0.0 || x <= root {
                 continue;
             }
             let gap = (-self.overlap[node] / scale.margin).max(0.0);
             let row = Vec3::new(1.0, x, y);
             let weighted = row * (known / (1.0 + gap * gap));
             normal += Mat3::from_cols(weighted, weighted * x, weighted * y);
-            right += weighted * (0.5 * (above[node] - below[node]));
+            right += weighted * (above[node] - share * self.overlap[node]);
         }
         self.middle = normal.inverse() * right;
     }
@@ -290,7 +327,7 @@ impl FoldField {
     #[inline]
     pub(super) fn sunk(&self, place: &Place, beyond: f32) -> f32 {
         let other = self.envelope(!place.below, self.locate(place));
-        beyond.min(place.beyond + other + self.slack)
+        beyond.min(place.height + other + self.slack)
     }
 
     /// How far the sides overlap; negative for a gap.

@@ -20,6 +20,11 @@ mod island;
 mod lanes;
 #[cfg(target_arch = "x86_64")]
 mod lanes_avx2;
+mod limb_contact;
+mod limb_pair;
+mod limb_parts;
+mod limb_plane;
+mod limb_rim;
 mod masks;
 mod patch;
 mod pose_scratch;

@@ -6,6 +6,7 @@ use glam::{Affine3A, Vec3};
 
 use super::PbdSettings;
 use super::island::Island;
+use super::limb_contact::LimbScratch;
 use super::solver::{Scratch, solve_island};
 use super::stats::Work;
 
@@ -27,6 +28,7 @@ pub(super) struct SurfaceScratch {
     /// Corrections of all vertices (V), where they are smoothed.
     pub all: Vec<Vec3>,
     pub smoothed: Vec<Vec3>,
+    pub limbs: LimbScratch,
 }
 
 /// One island in a pose.

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::build::build_islands;
 use super::contact_shape::reshaped;
 use super::island::Island;
+use super::limb_contact::LimbContacts;
 use super::pose_scratch::{IslandScratch, PoseScratch, SurfaceScratch};
 use super::smoothing::smooth_correction;
 use super::stats::{ConstraintCounts, Milliseconds, Stats, Work};
@@ -34,6 +35,7 @@ pub struct PbdSkin {
     adjacency: Adjacency,
     islands: Vec<Island>,
     contacts: Vec<SurfaceContacts>,
+    limbs: LimbContacts,
     moved: MovedVertices,
     constraints: ConstraintCounts,
     build_milliseconds: f64,
@@ -113,6 +115,11 @@ impl PbdSkin {
         let islands = pool.as_ref().map_or_else(build, |pool| pool.install(build))?;
         let moved = MovedVertices::new(&islands);
         let contacts = islands.par_iter().map(|island| SurfaceContacts::new(mesh, island)).collect();
+        let limbs = || match settings.self_collision && !islands.is_empty() {
+            true => LimbContacts::new(mesh, &mesh.outward_normals(&topology), &adjacency, skeleton, weights),
+            false => LimbContacts::default(),
+        };
+        let limbs = pool.as_ref().map_or_else(limbs, |pool| pool.install(limbs));
         let constraints = ConstraintCounts::of(&islands, settings);
         Ok(Self {
             settings: settings.clone(),
@@ -122,6 +129,7 @@ impl PbdSkin {
             adjacency,
             islands,
             contacts,
+            limbs,
             moved,
             constraints,
             build_milliseconds: milliseconds(begin),
@@ -161,7 +169,7 @@ impl PbdSkin {
             let PoseScratch { islands, surface, .. } = &mut scratch;
             let mut stats = self.solve_islands(transforms, islands);
             let surface_begin = Instant::now();
-            self.correct(&skinning, vertices, islands, surface, &mut positions, &mut stats.work);
+            self.correct(&skinning, transforms, vertices, islands, surface, &mut positions, &mut stats.work);
             stats.milliseconds.surface = milliseconds(surface_begin);
             stats.milliseconds.skinning = skinned;
             stats.milliseconds.total = milliseconds(begin);
@@ -200,7 +208,7 @@ impl PbdSkin {
                 stats.milliseconds.skinning = milliseconds(skinning_begin);
                 let surface_begin = Instant::now();
                 solved.clone_from(plain);
-                self.correct(&skinning, vertices, islands, surface, solved, &mut stats.work);
+                self.correct(&skinning, transforms, vertices, islands, surface, solved, &mut stats.work);
                 for (vertex, (solved, plain)) in solved.iter_mut().zip(plain).enumerate() {
                     *solved = (*solved - *plain) * shares.map_or(1.0, |shares| shares[vertex]);
                 }
@@ -264,6 +272,7 @@ impl PbdSkin {
     fn correct(
         &self,
         skinning: &Skinning<'_>,
+        transforms: &[Affine3A],
         vertices: Option<&[Vec3]>,
         scratch: &[IslandScratch],
         surface: &mut SurfaceScratch,
@@ -275,7 +284,7 @@ impl PbdSkin {
         }
         let vertices = vertices.unwrap_or(&self.rest);
         let is_rest = vertices == self.rest;
-        let SurfaceScratch { moved, all, smoothed } = surface;
+        let SurfaceScratch { moved, all, smoothed, limbs } = surface;
         let plain = PlainSkin {
             skinning,
             weights: &self.weights,
@@ -303,6 +312,8 @@ impl PbdSkin {
                     contacts.separate(&shaped, frame, &scratch.local, positions);
                 }
             }
+            let shape = (!is_rest).then_some(vertices);
+            self.limbs.separate(transforms, shape, &self.adjacency, positions, limbs);
         }
     }
 

@@ -1,0 +1,146 @@
+//! The body as limbs that may touch one another: for each bone the vertices that follow it most, a
+//! sample of them, and how thick the limb is.
+
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashMap};
+
+use glam::{Affine3A, DVec3, Mat3A, Vec3};
+
+use crate::mesh::{Adjacency, TriangleMesh};
+use crate::rig::{Skeleton, distance_to_segment};
+use crate::skinning::SkinWeights;
+
+/// Vertices of a sample, about.
+const SAMPLE: usize = 100;
+
+/// A limb: what follows one bone most.
+#[derive(Debug, Clone)]
+pub(super) struct LimbPart {
+    pub bone: u32,
+    /// Its vertices, ascending, and their outward normals in rest.
+    pub vertices: Vec<u32>,
+    pub normals: Vec<Vec3>,
+    /// Places in `vertices`, spread over all of them.
+    pub sample: Vec<u32>,
+    /// Distances between neighbouring vertices, and between those of the sample.
+    pub spacing: f32,
+    pub sample_spacing: f32,
+    /// Median distance of the vertices from the bone.
+    pub radius: f32,
+    /// Direction of the bone in rest.
+    pub axis: Vec3,
+}
+
+/// The parts of all bones that some vertices follow most, bones ascending.
+pub(super) fn limb_parts(
+    mesh: &TriangleMesh,
+    normals: &[DVec3],
+    adjacency: &Adjacency,
+    skeleton: &Skeleton,
+    weights: &SkinWeights,
+) -> Vec<LimbPart> {
+    let mut members = vec![Vec::new(); skeleton.bone_count()];
+    for vertex in 0..mesh.vertex_count() as u32 {
+        let entries = weights.entries(vertex as usize).filter(|entry| entry.1 > 0.0);
+        if let Some((bone, _)) = entries.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0))) {
+            members[bone as usize].push(vertex);
+        }
+    }
+    let part = |(bone, vertices): (usize, Vec<u32>)| {
+        let (head, tail) = (skeleton.heads()[bone], skeleton.tails()[bone]);
+        let position = |v: u32| mesh.vertices()[v as usize];
+        let mut distances: Vec<f64> =
+            vertices.iter().map(|&v| distance_to_segment(position(v), head, tail)).collect();
+        distances.sort_by(f64::total_cmp);
+        let edges = vertices.iter().flat_map(|&v| {
+            adjacency.neighbours(v as usize).iter().map(move |&n| position(v).distance(position(n)))
+        });
+        let (sum, count) = edges.fold((0.0, 0u32), |(sum, count), edge| (sum + edge, count + 1));
+        let spacing = (sum / f64::from(count.max(1))) as f32;
+        let sample = spread_sample(&vertices);
+        Some(LimbPart {
+            bone: bone as u32,
+            normals: vertices.iter().map(|&v| normals[v as usize].as_vec3()).collect(),
+            sample_spacing: spacing * (vertices.len() as f32 / sample.len().max(1) as f32).sqrt(),
+            spacing,
+            radius: *distances.get(distances.len() / 2)? as f32,
+            axis: (tail - head).normalize_or_zero().as_vec3(),
+            sample,
+            vertices,
+        })
+    };
+    let parts = members.into_iter().enumerate().filter_map(part);
+    parts.filter(|part| part.radius > 0.0 && part.spacing > 0.0).collect()
+}
+
+/// Places of a sample: those with the least hashes of their vertices, so that no pattern of the mesh is left.
+fn spread_sample(vertices: &[u32]) -> Vec<u32> {
+    let mut places: Vec<u32> = (0..vertices.len() as u32).collect();
+    let hash = |place: &u32| u64::from(vertices[*place as usize] + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    places.sort_by_key(|place| Reverse(hash(place)));
+    places.truncate(SAMPLE);
+    places.sort_unstable();
+    places
+}
+
+/// Ways along the surface's edges from a limb to the vertices around it, up to `limit`.
+pub(super) fn ways_from(
+    part: &LimbPart,
+    mesh: &TriangleMesh,
+    adjacency: &Adjacency,
+    limit: f32,
+) -> HashMap<u32, f32> {
+    let is_own = |vertex: u32| part.vertices.binary_search(&vertex).is_ok();
+    let mut ways = HashMap::new();
+    // Non-negative floats order like their bits.
+    let mut queue: BinaryHeap<Reverse<(u32, u32)>> =
+        part.vertices.iter().map(|&vertex| Reverse((0f32.to_bits(), vertex))).collect();
+    while let Some(Reverse((bits, vertex))) = queue.pop() {
+        let way = f32::from_bits(bits);
+        if ways.get(&vertex).is_some_and(|&known| known < way) {
+            continue;
+        }
+        for &next in adjacency.neighbours(vertex as usize) {
+            let (a, b) = (mesh.vertices()[vertex as usize], mesh.vertices()[next as usize]);
+            let through = way + a.distance(b) as f32;
+            if through <= limit && !is_own(next) && ways.get(&next).is_none_or(|&known| through < known) {
+                ways.insert(next, through);
+                queue.push(Reverse((through.to_bits(), next)));
+            }
+        }
+    }
+    ways
+}
+
+/// An axis-aligned box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Bounds {
+    pub low: Vec3,
+    pub high: Vec3,
+}
+
+impl Bounds {
+    pub(super) fn of(positions: impl Iterator<Item = Vec3>) -> Self {
+        let empty = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
+        positions.fold(empty, |b, p| Self { low: b.low.min(p), high: b.high.max(p) })
+    }
+
+    pub(super) fn grown(self, by: f32) -> Self {
+        Self { low: self.low - by, high: self.high + by }
+    }
+
+    pub(super) fn meets(&self, other: &Self) -> bool {
+        self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
+    }
+
+    pub(super) fn holds(&self, position: Vec3) -> bool {
+        position.cmpge(self.low).all() && position.cmple(self.high).all()
+    }
+}
+
+/// How a bone's rest normals turn in a pose, and how it scales lengths; `None` where it is flattened.
+pub(super) fn turn_of(transform: &Affine3A) -> Option<(Mat3A, f32)> {
+    let scale = transform.matrix3.determinant().abs().cbrt();
+    let turn = transform.matrix3.inverse().transpose();
+    (scale > f32::MIN_POSITIVE && scale.is_finite() && turn.is_finite()).then_some((turn, scale))
+}
