@@ -5,9 +5,11 @@ mod areas;
 mod batches;
 mod bind;
 mod build;
+mod cage_contact;
 mod contact;
 mod contact_setup;
 mod contact_shape;
+mod domains;
 mod energy;
 mod error;
 #[cfg(test)]
@@ -21,6 +23,8 @@ mod lanes;
 #[cfg(target_arch = "x86_64")]
 mod lanes_avx2;
 mod masks;
+mod particles;
+mod parts;
 mod patch;
 mod pose_scratch;
 mod real;

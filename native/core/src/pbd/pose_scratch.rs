@@ -8,6 +8,7 @@ use super::PbdSettings;
 use super::island::Island;
 use super::solver::{Scratch, solve_island};
 use super::stats::Work;
+use super::surface_contact::SeparationBuffers;
 
 /// Buffers of a pose.
 #[derive(Default)]
@@ -27,6 +28,7 @@ pub(super) struct SurfaceScratch {
     /// Corrections of all vertices (V), where they are smoothed.
     pub all: Vec<Vec3>,
     pub smoothed: Vec<Vec3>,
+    pub contact: SeparationBuffers,
 }
 
 /// One island in a pose.

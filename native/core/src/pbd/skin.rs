@@ -216,7 +216,8 @@ impl PbdSkin {
     fn on_threads<T: Send>(&self, solve: impl FnOnce() -> T + Send) -> T {
         match &self.pool {
             Some(pool) => pool.install(solve),
-            None => solve(),
+            // On a thread of the pool, where handing work to others costs least.
+            None => rayon::scope(|_| solve()),
         }
     }
 
@@ -275,7 +276,7 @@ impl PbdSkin {
         }
         let vertices = vertices.unwrap_or(&self.rest);
         let is_rest = vertices == self.rest;
-        let SurfaceScratch { moved, all, smoothed } = surface;
+        let SurfaceScratch { moved, all, smoothed, contact } = surface;
         let plain = PlainSkin {
             skinning,
             weights: &self.weights,
@@ -297,10 +298,10 @@ impl PbdSkin {
             for ((island, contacts), scratch) in self.islands.iter().zip(&self.contacts).zip(scratch) {
                 let Some(frame) = &scratch.frame else { continue };
                 if is_rest {
-                    contacts.separate(&island.contacts, frame, &scratch.local, positions);
+                    contacts.separate(&island.contacts, frame, &scratch.local, positions, contact);
                 } else {
                     let shaped = reshaped(island, &scratch.local, vertices);
-                    contacts.separate(&shaped, frame, &scratch.local, positions);
+                    contacts.separate(&shaped, frame, &scratch.local, positions, contact);
                 }
             }
         }
@@ -324,8 +325,7 @@ impl PbdSkin {
     pub fn cage(&self) -> TetMesh {
         let mut cage = TetMesh::default();
         for island in &self.islands {
-            let vertices = island.rest.iter().map(|v| v.as_dvec3()).collect();
-            cage.append(&TetMesh::new(vertices, island.tetrahedra.clone()));
+            cage.append(&island.cage());
         }
         cage
     }
