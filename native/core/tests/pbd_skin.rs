@@ -72,16 +72,25 @@ fn rest_comes_back_to_the_last_bit() {
 #[test]
 fn the_result_depends_on_nothing_but_the_pose() {
     let cylinder = cylinder();
-    let solve = |threads: usize| {
-        let skin = skin(&cylinder, &PbdSettings { threads: Some(threads), ..PbdSettings::default() });
-        let forwards = [30.0, 60.0, 90.0].map(|angle| skin.solve(&bend(angle), None).unwrap().vertices);
-        let again = skin.solve(&bend(30.0), None).unwrap().vertices;
-        assert_eq!(forwards[0], again, "whatever was solved before");
-        forwards
-    };
-    let one = solve(1);
-    assert_eq!(one, solve(2));
-    assert_eq!(one, solve(7));
+    // Fine cells make an island that several cores share.
+    for (preset, cell_size) in [
+        (PbdSettings::default(), None),
+        (PbdSettings::default(), Some(0.2)),
+        (PbdSettings::paper(), Some(0.2)),
+    ] {
+        let solve = |threads: usize| {
+            let settings = PbdSettings { threads: Some(threads), cell_size, ..preset.clone() };
+            let skin = skin(&cylinder, &settings);
+            assert_eq!(cell_size.is_some(), skin.build_stats().tetrahedra > 6000, "{:?}", skin.build_stats());
+            let forwards = [30.0, 60.0, 90.0].map(|angle| skin.solve(&bend(angle), None).unwrap().vertices);
+            let again = skin.solve(&bend(30.0), None).unwrap().vertices;
+            assert_eq!(forwards[0], again, "whatever was solved before");
+            forwards
+        };
+        let one = solve(1);
+        assert_eq!(one, solve(2));
+        assert_eq!(one, solve(16));
+    }
 }
 
 #[test]

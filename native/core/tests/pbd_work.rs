@@ -32,6 +32,11 @@ struct Limb {
 
 impl Limb {
     fn new(sides: usize) -> Self {
+        Self::with_trace(sides, 0.0)
+    }
+
+    /// A limb whose last bone has a trace of weight around the first joint.
+    fn with_trace(sides: usize, trace: f64) -> Self {
         let length = BONE * (JOINTS + 1) as f64;
         let rings = (length * sides as f64 / std::f64::consts::TAU) as usize;
         let place = |ring: usize, k: usize| {
@@ -60,7 +65,9 @@ impl Limb {
                 (0..=JOINTS).map(move |bone| {
                     let own = if bone == 0 { 1.0 } else { below(x, bone) };
                     let next = if bone == JOINTS { 0.0 } else { below(x, bone + 1) };
-                    (v as i64, bone as i64, own - next)
+                    let trace = if (x - BONE).abs() < 3.0 { trace } else { 0.0 };
+                    let last = if bone == JOINTS { trace } else { 0.0 };
+                    (v as i64, bone as i64, (own - next) * (1.0 - trace) + last)
                 })
             })
             .collect();
@@ -147,6 +154,19 @@ fn islands_that_did_not_change_are_not_solved_again_and_keep_their_bits() {
     assert_eq!(reused.limited, fresh.limited);
     // And through the other door.
     assert_eq!(skin.solve(&pose, None).unwrap().vertices, limb.skin().solve(&pose, None).unwrap().vertices);
+}
+
+#[test]
+fn an_island_depends_on_bones_that_only_its_surface_follows() {
+    let _alone = ALONE.lock();
+    let solved = |trace: f64| {
+        let skin = Limb::with_trace(24, trace).skin();
+        work(&skin, [60.0, 0.0, 0.0, 0.0]);
+        let work = work(&skin, [60.0, 0.0, 0.0, 45.0]);
+        (work.solved_islands, work.reused_islands)
+    };
+    assert_eq!(solved(0.0), (1, 1));
+    assert_eq!(solved(0.004), (2, 0));
 }
 
 #[test]

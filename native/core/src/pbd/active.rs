@@ -1,11 +1,13 @@
-//! The part of an island that a pose concerns: what moved bones carry, what may come into contact,
-//! and some rings of cells around it. The rest of the island is where it was and is not solved.
+//! The part of an island that a pose concerns: what is between bones that have moved relative to each
+//! other, what may come into contact, and some rings of cells around it. The rest of the island is carried
+//! rigidly by its bones and is not solved.
 
-use glam::{Affine3A, Mat3A, Vec3A};
+use glam::Affine3A;
 
-use super::island::{Island, STILL};
+use super::island::Island;
+use super::parts::{MIXED, Parts, STILL_PART};
 
-/// Rings of tetrahedra that are solved around what has moved.
+/// Rings of tetrahedra that are solved around what is deformed.
 const RINGS: usize = 4;
 
 /// Particles that share a tetrahedron with each particle.
@@ -36,35 +38,41 @@ impl Neighbours {
     }
 }
 
-/// Constraints of the concerned part, and the inverse masses that hold everything else.
+/// The concerned particles, and the inverse masses that hold all others.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ActivePart {
     /// Inverse masses (P), 0 for particles that are not concerned.
     pub inverse_masses: Vec<f32>,
-    /// Batches of edges with a free end.
-    pub edges: Vec<u32>,
-    /// Batches of tetrahedra with a free corner.
-    pub tetrahedra: Vec<u32>,
-    free: Vec<bool>,
+    /// True for particles that are free (P).
+    pub free: Vec<bool>,
     concerned: Vec<bool>,
-    /// Bones (B) that have moved relative to the island's frame.
-    moved: Vec<bool>,
+    /// Parts of the bones, and that of each particle (P).
+    parts: Parts,
+    part_of: Vec<u32>,
     /// Concerned particles, ring after ring.
     rings: Vec<u32>,
 }
 
 impl ActivePart {
-    /// Begins with the particles that moved bones carry; `transforms` are relative to the island's
-    /// frame.
+    /// Begins with the particles between bones that have moved relative to each other; what one rigid
+    /// part carries keeps its shape. `transforms` are relative to the island's frame.
     pub(super) fn carry(&mut self, island: &Island, transforms: &[Affine3A]) {
-        self.moved.clear();
-        self.moved.extend(transforms.iter().map(|t| !is_still(t, island.extent)));
-        self.concerned.clear();
-        self.concerned.resize(island.rest.len(), false);
-        self.rings.clear();
+        let Self { concerned, parts, part_of, rings, .. } = self;
+        parts.find(island.dependencies(), transforms, island.extent);
+        concerned.clear();
+        concerned.resize(island.rest.len(), false);
+        rings.clear();
+        part_of.clear();
+        part_of.extend((0..island.rest.len()).map(|particle| parts.of(island.weights.row(particle).0)));
         for particle in 0..island.rest.len() as u32 {
-            if self.has_moved(island.weights.row(particle as usize).0) {
+            if self.part_of[particle as usize] == MIXED {
                 self.add(particle);
+            }
+        }
+        for edge in &island.edges {
+            let [a, b] = edge.map(|particle| self.part_of[particle as usize]);
+            if a != b && a != MIXED && b != MIXED {
+                edge.iter().for_each(|&particle| self.add(particle));
             }
         }
     }
@@ -76,17 +84,23 @@ impl ActivePart {
         }
     }
 
-    /// True for a particle that has been added.
-    pub(super) fn is_concerned(&self, particle: u32) -> bool {
-        self.concerned[particle as usize]
+    /// True for a particle that is not where it was in rest.
+    pub(super) fn is_carried(&self, particle: usize) -> bool {
+        self.part_of[particle] != STILL_PART
     }
 
-    /// True where one of the bones has moved.
-    pub(super) fn has_moved(&self, bones: &[u32]) -> bool {
-        bones.iter().any(|&bone| self.moved[bone as usize])
+    /// False for a point of the surface that is carried rigidly, as are the corners of its tetrahedron;
+    /// `bones` are those of its vertex.
+    pub(super) fn concerns(&self, corners: &[u32; 4], bones: &[u32]) -> bool {
+        let part = self.parts.of(bones);
+        let differs = |&corner: &u32| {
+            let corner = corner as usize;
+            self.concerned[corner] || self.part_of[corner] != part
+        };
+        part == MIXED || corners.iter().any(differs)
     }
 
-    /// Adds the rings around all that is there, and finds the constraints.
+    /// Adds the rings around all that is there, and frees it.
     pub(super) fn complete(&mut self, island: &Island) {
         let mut done = 0;
         for _ in 0..RINGS {
@@ -103,16 +117,8 @@ impl ActivePart {
         let masses = island.inverse_masses.iter().zip(&self.concerned);
         self.inverse_masses.extend(masses.map(|(&mass, &concerned)| if concerned { mass } else { 0.0 }));
         self.free.clear();
-        self.free.extend(self.inverse_masses.iter().map(|&mass| mass > 0.0).chain([false]));
-        island.edge_batches.select(&self.free, &mut self.edges);
-        island.tetrahedron_batches.select(&self.free, &mut self.tetrahedra);
+        self.free.extend(self.inverse_masses.iter().map(|&mass| mass > 0.0));
     }
-}
-
-/// True for a transform that differs from the identity by rounding alone.
-pub(super) fn is_still(transform: &Affine3A, extent: f32) -> bool {
-    transform.matrix3.abs_diff_eq(Mat3A::IDENTITY, STILL)
-        && transform.translation.abs_diff_eq(Vec3A::ZERO, STILL * extent)
 }
 
 #[cfg(test)]

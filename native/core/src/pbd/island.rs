@@ -4,10 +4,12 @@
 use glam::{Affine3A, DVec3, Mat3A, Vec3};
 use wide::f32x4;
 
-use super::active::{Neighbours, is_still};
-use super::batches::Batches;
+use super::active::Neighbours;
 use super::contact::JointContact;
-use super::lanes::{BATCH, Particle};
+use super::domains::Domain;
+use super::lanes::Particle;
+use super::parts::is_still;
+use crate::cage::TetMesh;
 use crate::skinning::SkinWeights;
 
 /// A particle's anchor on its nearest bone.
@@ -20,7 +22,8 @@ pub(super) struct Bind {
     pub rest_length: f32,
 }
 
-/// Particles and constraints of one island, in rest space.
+/// Particles and constraints of one island, in rest space. Among the particles are some without mass that
+/// no constraint and no bone knows: idle lanes name them.
 #[derive(Debug, Clone)]
 pub(super) struct Island {
     /// Rest positions (P).
@@ -31,20 +34,13 @@ pub(super) struct Island {
     pub inverse_masses: Vec<f32>,
     /// Edges with a free end.
     pub edges: Vec<[u32; 2]>,
-    pub edge_batches: Batches<2>,
-    /// Rest lengths of the edges in each batch.
-    pub rest_lengths: Vec<[[f32; BATCH]; 1]>,
     /// Tetrahedra, every one with a free corner.
     pub tetrahedra: Vec<[u32; 4]>,
     pub neighbours: Neighbours,
-    pub tetrahedron_batches: Batches<4>,
     /// Rest volume, the same for all of them.
     pub rest_volume: f32,
-    /// Distances of the corners from the barycentre in rest, for the tetrahedra of each batch.
-    pub spring_lengths: Vec<[[f32; BATCH]; 4]>,
-    /// Shares of the stiffness in the tetrahedra of each batch; empty where it is 1 everywhere.
-    pub stiffness_shares: Vec<[[f32; BATCH]; 1]>,
-    pub binds: Vec<Bind>,
+    /// Constraints, by the parts of the island that they are in.
+    pub domains: Vec<Domain>,
     /// Contact candidates that push the cage, joint by joint.
     pub cage_contacts: Vec<JointContact>,
     /// Contact candidates of the surface, joint by joint.
@@ -53,6 +49,8 @@ pub(super) struct Island {
     pub surface: Vec<SurfacePoint>,
     /// Bones with weight on a particle and the sums of their weights, the heaviest first.
     pub bones: Vec<(u32, f64)>,
+    /// Bones that have weight on a surface vertex alone.
+    pub surface_bones: Vec<u32>,
     /// Largest distance in the island; the scale of its coordinates.
     pub extent: f32,
 }
@@ -80,7 +78,8 @@ impl Island {
     /// Number of constraints of each kind: stretch, volume, bind, energy, self-collision.
     pub(super) fn constraint_counts(&self) -> [usize; 5] {
         let contacts = self.contacts.iter().map(|c| c.vertices.len()).sum();
-        [self.edges.len(), self.tetrahedra.len(), self.binds.len(), self.tetrahedra.len(), contacts]
+        let binds = self.domains.iter().map(|domain| domain.binds.len()).sum();
+        [self.edges.len(), self.tetrahedra.len(), binds, self.tetrahedra.len(), contacts]
     }
 
     /// The frame that moves with the heaviest part of the island: rotation, uniform scale,
@@ -99,10 +98,28 @@ impl Island {
         (scale > f32::MIN_POSITIVE && frame.inverse().is_finite()).then_some(frame)
     }
 
+    /// The tetrahedra in rest.
+    pub(super) fn cage(&self) -> TetMesh {
+        let is_massless = |place: usize| {
+            let mut ends = self.domains.iter().filter(|domain| !domain.has_halves());
+            ends.any(|domain| domain.particles.end == place + 1)
+        };
+        let (mut vertices, mut index_of) = (Vec::new(), Vec::with_capacity(self.rest.len()));
+        for (place, rest) in self.rest.iter().enumerate() {
+            index_of.push(vertices.len() as u32);
+            if !is_massless(place) {
+                vertices.push(rest.as_dvec3());
+            }
+        }
+        let tetrahedra = self.tetrahedra.iter().map(|t| t.map(|place| index_of[place as usize]));
+        TetMesh::new(vertices, tetrahedra.collect())
+    }
+
     /// Bones whose transforms the solution depends on, some more than once.
     pub(super) fn dependencies(&self) -> impl Iterator<Item = usize> + '_ {
         let joints = self.cage_contacts.iter().flat_map(|contact| [contact.bone, contact.parent]);
-        self.bones.iter().map(|&(bone, _)| bone).chain(joints).map(|bone| bone as usize)
+        let bones = self.bones.iter().map(|&(bone, _)| bone).chain(self.surface_bones.iter().copied());
+        bones.chain(joints).map(|bone| bone as usize)
     }
 
     /// True where no bone has moved relative to the frame, up to rounding.
@@ -127,9 +144,6 @@ fn heaviest_part(bones: &[(u32, f64)], transforms: &[Affine3A], extent: f32) -> 
     let heavier = |a: (u32, f64), b: (u32, f64)| if b.1 > a.1 { b } else { a };
     parts.into_iter().map(|(bone, _, sum)| (bone, sum)).reduce(heavier).map(|(bone, _)| bone)
 }
-
-/// Relative motion below this is the rounding of f32 matrices.
-pub(super) const STILL: f32 = 2e-6;
 
 /// Position of a particle.
 #[inline]

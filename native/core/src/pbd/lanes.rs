@@ -150,12 +150,13 @@ pub(super) mod tests {
         PORTABLE.get()
     }
 
-    /// Runs with the lanes that every machine has, on this thread.
-    pub(in crate::pbd) fn on_portable_lanes<T>(run: impl FnOnce() -> T) -> T {
-        PORTABLE.set(true);
-        let result = run();
-        PORTABLE.set(false);
-        result
+    /// Runs with the lanes that every machine has, on a thread of its own.
+    pub(in crate::pbd) fn on_portable_lanes<T: Send>(run: impl FnOnce() -> T + Send) -> T {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        pool.install(|| {
+            PORTABLE.set(true);
+            run()
+        })
     }
 
     fn particle(i: usize) -> Particle {

@@ -2,16 +2,17 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::active::Neighbours;
 use super::areas::{JointArea, JointAreas};
-use super::batches::Batches;
 use super::contact_setup::joint_contacts;
+use super::domains::Constraints;
 use super::fit::cage_fit;
 use super::island::{Bind, Island, SurfacePoint, spring_lengths};
 use super::masks::{PatchMasks, geodesic_distances};
+use super::particles::Particles;
 use super::stiffness::{particle_shares, tetrahedron_share};
 use super::{PbdError, Region};
 use crate::cage::{
@@ -134,14 +135,19 @@ fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec
     Ok(split(&freedom, cage.mesh.tetrahedra())
         .into_par_iter()
         .map(|tetrahedra| {
-            let island =
-                build_island(input, patch, &areas, &cage, &rows, &fit, &freedom, &embeddings, &tetrahedra);
             let shares = shares_of(&tetrahedra);
-            let stiffness_shares = match shares.is_empty() {
-                true => Vec::new(),
-                false => island.tetrahedron_batches.gather(|index| [shares[index]]),
-            };
-            Island { stiffness_shares, ..island }
+            build_island(
+                input,
+                patch,
+                &areas,
+                &cage,
+                &rows,
+                &fit,
+                &freedom,
+                &embeddings,
+                &tetrahedra,
+                &shares,
+            )
         })
         .collect())
 }
@@ -274,30 +280,35 @@ fn build_island(
     freedom: &[f64],
     embeddings: &[Option<Embedding>],
     members: &[u32],
+    stiffness_shares: &[f32],
 ) -> Island {
     let global: Vec<[u32; 4]> = members.iter().map(|&t| cage.mesh.tetrahedra()[t as usize]).collect();
-    let particles = Vec::from_iter(global.iter().flatten().copied().collect::<BTreeSet<u32>>());
-    let local: HashMap<u32, u32> = particles.iter().copied().zip(0..).collect();
     let position = |p: u32| cage.mesh.vertices()[p as usize];
+    let particles = Particles::new(&global, freedom, position);
+    let Particles { at, edges: global_edges, layout, .. } = &particles;
+    let local: HashMap<u32, u32> = (0..).zip(at).filter_map(|(place, p)| Some(((*p)?, place))).collect();
     let tetrahedra: Vec<[u32; 4]> = global.iter().map(|t| t.map(|v| local[&v])).collect();
-    let inverse_masses: Vec<f32> = particles.iter().map(|&p| freedom[p as usize] as f32).collect();
-    let island_rows = || particles.iter().map(|&p| rows[p as usize].iter().copied());
+    let edges: Vec<[u32; 2]> = global_edges.iter().map(|e| e.map(|v| local[&v])).collect();
+    let inverse_masses: Vec<f32> = at.iter().map(|p| p.map_or(0.0, |p| freedom[p as usize] as f32)).collect();
+    let island_rows =
+        || at.iter().map(|p| p.map_or(&[][..], |p| rows[p as usize].as_slice()).iter().copied());
     let weights = SkinWeights::from_rows(island_rows(), input.skeleton.bone_count());
-    let edges: BTreeSet<[u32; 2]> = tetrahedra
-        .iter()
-        .flat_map(|&[a, b, c, d]| [[a, b], [a, c], [a, d], [b, c], [b, d], [c, d]])
-        .filter(|edge| edge.iter().any(|&p| inverse_masses[p as usize] > 0.0))
-        .map(|[a, b]| [a.min(b), a.max(b)])
-        .collect();
-    let length = |[a, b]: [u32; 2]| position(particles[a as usize]).distance(position(particles[b as usize]));
-    let edges = Vec::from_iter(edges);
-    let idle = particles.len() as u32;
-    let edge_batches = Batches::new(&edges, idle);
-    let tetrahedron_batches = Batches::new(&tetrahedra, idle);
+    let free = |place: &u32| inverse_masses[*place as usize] > 0.0;
+    let binds = (0..).zip(at).filter(|(place, _)| free(place)).filter_map(|(place, p)| {
+        let p = (*p)?;
+        bind(input.skeleton, place, position(p), &rows[p as usize])
+    });
+    let lengths: Vec<f32> =
+        global_edges.iter().map(|&[a, b]| position(a).distance(position(b)) as f32).collect();
     let springs: Vec<[f32; 4]> = global.iter().map(|t| spring_lengths(t.map(position))).collect();
-    let binds = particles.iter().enumerate().filter(|(i, _)| inverse_masses[*i] > 0.0);
-    let binds = binds.filter_map(|(i, &p)| bind(input.skeleton, i as u32, position(p), &rows[p as usize]));
-    let binds = binds.collect();
+    let domains = layout.domains(&Constraints {
+        edges: &edges,
+        edge_lengths: &lengths,
+        tetrahedra: &tetrahedra,
+        spring_lengths: &springs,
+        stiffness_shares,
+        binds: &binds.collect::<Vec<Bind>>(),
+    });
     let used: BTreeSet<[u32; 4]> = global.iter().map(|t| sorted(*t)).collect();
     let surface = surface_points(input, patch, fit, freedom, embeddings, &used, &local);
     let (cage_contacts, contacts) =
@@ -306,7 +317,13 @@ fn build_island(
     island_rows().flatten().for_each(|(bone, w)| *heaviness.entry(bone).or_default() += w);
     let mut bones: Vec<(u32, f64)> = heaviness.into_iter().collect();
     bones.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    let rest: Vec<_> = particles.iter().map(|&p| position(p).as_vec3()).collect();
+    let surface_bones: BTreeSet<u32> =
+        surface.iter().flat_map(|point| input.weights.row(point.vertex as usize).0).copied().collect();
+    let is_new = |bone: &u32| bones.iter().all(|entry| entry.0 != *bone);
+    let surface_bones = surface_bones.into_iter().filter(is_new).collect();
+    // Particles without mass are anywhere in the island.
+    let anywhere = global[0][0];
+    let rest: Vec<Vec3> = at.iter().map(|p| position(p.unwrap_or(anywhere)).as_vec3()).collect();
     let (low, high) = rest.iter().fold((rest[0], rest[0]), |(l, h), &p| (l.min(p), h.max(p)));
     Island {
         neighbours: Neighbours::new(rest.len(), &tetrahedra),
@@ -314,16 +331,12 @@ fn build_island(
         contacts,
         weights,
         inverse_masses,
-        rest_lengths: edge_batches.gather(|index| [length(edges[index]) as f32]),
         edges,
-        edge_batches,
         rest_volume: cage.lattice.tetrahedron_volume() as f32,
-        spring_lengths: tetrahedron_batches.gather(|index| springs[index]),
-        tetrahedron_batches,
-        stiffness_shares: Vec::new(),
-        binds,
+        domains,
         surface,
         bones,
+        surface_bones,
         extent: (high - low).length(),
         tetrahedra,
         rest,

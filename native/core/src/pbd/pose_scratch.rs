@@ -9,6 +9,7 @@ use super::island::Island;
 use super::limb_contact::LimbScratch;
 use super::solver::{Scratch, solve_island};
 use super::stats::Work;
+use super::surface_contact::SeparationBuffers;
 
 /// Buffers of a pose.
 #[derive(Default)]
@@ -29,6 +30,7 @@ pub(super) struct SurfaceScratch {
     pub all: Vec<Vec3>,
     pub smoothed: Vec<Vec3>,
     pub limbs: LimbScratch,
+    pub contact: SeparationBuffers,
 }
 
 /// One island in a pose.

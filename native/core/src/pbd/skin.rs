@@ -224,7 +224,8 @@ impl PbdSkin {
     fn on_threads<T: Send>(&self, solve: impl FnOnce() -> T + Send) -> T {
         match &self.pool {
             Some(pool) => pool.install(solve),
-            None => solve(),
+            // On a thread of the pool, where handing work to others costs least.
+            None => rayon::scope(|_| solve()),
         }
     }
 
@@ -284,7 +285,7 @@ impl PbdSkin {
         }
         let vertices = vertices.unwrap_or(&self.rest);
         let is_rest = vertices == self.rest;
-        let SurfaceScratch { moved, all, smoothed, limbs } = surface;
+        let SurfaceScratch { moved, all, smoothed, contact, limbs } = surface;
         let plain = PlainSkin {
             skinning,
             weights: &self.weights,
@@ -306,10 +307,10 @@ impl PbdSkin {
             for ((island, contacts), scratch) in self.islands.iter().zip(&self.contacts).zip(scratch) {
                 let Some(frame) = &scratch.frame else { continue };
                 if is_rest {
-                    contacts.separate(&island.contacts, frame, &scratch.local, positions);
+                    contacts.separate(&island.contacts, frame, &scratch.local, positions, contact);
                 } else {
                     let shaped = reshaped(island, &scratch.local, vertices);
-                    contacts.separate(&shaped, frame, &scratch.local, positions);
+                    contacts.separate(&shaped, frame, &scratch.local, positions, contact);
                 }
             }
             let shape = (!is_rest).then_some(vertices);
@@ -335,8 +336,7 @@ impl PbdSkin {
     pub fn cage(&self) -> TetMesh {
         let mut cage = TetMesh::default();
         for island in &self.islands {
-            let vertices = island.rest.iter().map(|v| v.as_dvec3()).collect();
-            cage.append(&TetMesh::new(vertices, island.tetrahedra.clone()));
+            cage.append(&island.cage());
         }
         cage
     }

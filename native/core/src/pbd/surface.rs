@@ -8,12 +8,12 @@ use super::pose_scratch::IslandScratch;
 use crate::skinning::{SkinWeights, Skinning};
 
 /// Vertices per task.
-const CHUNK: usize = 1024;
+const CHUNK: usize = 512;
 
 /// Which points of which islands move which vertices.
 #[derive(Debug, Clone, Default)]
 pub(super) struct MovedVertices {
-    /// Vertices that some island moves (M), ascending.
+    /// Vertices that some island moves (M), those of an island together.
     pub vertices: Vec<u32>,
     /// First point of each of them in `points`, and the end.
     starts: Vec<u32>,
@@ -39,15 +39,15 @@ impl MovedVertices {
         };
         let mut entries: Vec<(u32, u32, u32)> = (0..).zip(islands).flat_map(points_of).collect();
         entries.par_sort_unstable();
+        let mut runs: Vec<&[(u32, u32, u32)]> = entries.chunk_by(|a, b| a.0 == b.0).collect();
+        runs.par_sort_by_key(|run| run[0].1);
         let mut moved = Self::default();
-        for (index, &(vertex, ..)) in (0u32..).zip(&entries) {
-            if moved.vertices.last() != Some(&vertex) {
-                moved.vertices.push(vertex);
-                moved.starts.push(index);
-            }
+        for run in runs {
+            moved.vertices.push(run[0].0);
+            moved.starts.push(moved.points.len() as u32);
+            moved.points.extend(run.iter().map(|&(_, island, place)| (island, place)));
         }
-        moved.starts.push(entries.len() as u32);
-        moved.points = entries.into_iter().map(|(_, island, place)| (island, place)).collect();
+        moved.starts.push(moved.points.len() as u32);
         moved
     }
 
@@ -65,6 +65,16 @@ impl MovedVertices {
         let chunks = corrections.par_chunks_mut(CHUNK).enumerate();
         let counts = chunks.map(|(chunk, corrections)| {
             let mut count = 0;
+            let starts = &self.starts[chunk * CHUNK..][..=corrections.len()];
+            let points = &self.points[starts[0] as usize..starts[corrections.len()] as usize];
+            let mut seen = None;
+            let mut is_idle = |island: u32| {
+                let is_new = seen.replace(island) != Some(island);
+                !is_new || scratch[island as usize].frame.is_none()
+            };
+            if points.iter().all(|&(island, _)| is_idle(island)) {
+                return 0;
+            }
             for (place, correction) in (chunk * CHUNK..).zip(corrections) {
                 count += usize::from(self.correct(place, islands, scratch, plain, correction));
             }

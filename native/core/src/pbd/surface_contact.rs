@@ -2,8 +2,10 @@
 //! projected (eq. 14) and relaxed (eq. 15).
 
 use glam::{Affine3A, Vec3};
+use rayon::prelude::*;
 
 use super::contact::{ContactScratch, Firmness, JointContact};
+use super::fold_plane::FoldPlane;
 use super::island::Island;
 use super::self_collision::{mean_value_coordinates, relax};
 use crate::mesh::TriangleMesh;
@@ -60,36 +62,37 @@ impl SurfaceContacts {
         frame: &Affine3A,
         local: &[Affine3A],
         positions: &mut [Vec3],
+        buffers: &mut SeparationBuffers,
     ) {
         let inverse = frame.inverse();
-        let mut candidates: Vec<Vec3> = Vec::new();
-        let mut works = vec![(Vec::new(), ContactScratch::default()); contacts.len()];
+        let SeparationBuffers { joints, pushed } = buffers;
+        joints.resize_with(contacts.len(), JointSearch::default);
+        pushed.resize(positions.len(), false);
         for round in 0..ROUNDS {
-            // One joint after the other, so that what several of them press upon ends between all.
-            for ((contact, rings), (near, found)) in contacts.iter().zip(&self.rings).zip(&mut works) {
-                let Some(fold) = contact.fold_plane(local) else { continue };
-                let position = |candidate: u32, positions: &[Vec3]| {
-                    inverse.transform_point3(positions[contact.vertices[candidate as usize].element as usize])
-                };
+            // What all joints would push as the surface is now.
+            let searches = joints.par_iter_mut().zip(contacts).with_max_len(1);
+            searches.for_each(|(search, contact)| {
                 if round == 0 {
-                    candidates.clear();
-                    candidates.extend((0..contact.vertices.len() as u32).map(|c| position(c, positions)));
-                    contact.list_near(&fold, &candidates, near);
+                    search.begin(contact, local, &inverse, positions);
                 }
-                if near.is_empty() {
-                    continue;
+                search.find(contact, &inverse, positions);
+            });
+            // One joint after the other, so that what several of them press upon ends between all: where one
+            // before it has pushed, a joint searches again.
+            for ((contact, rings), search) in contacts.iter().zip(&self.rings).zip(joints.iter_mut()) {
+                let vertex_of = |candidate: u32| contact.vertices[candidate as usize].element as usize;
+                if search.near.iter().any(|&candidate| pushed[vertex_of(candidate)]) {
+                    search.find(contact, &inverse, positions);
                 }
-                let vertex_of =
-                    |listed: u32| contact.vertices[near[listed as usize] as usize].element as usize;
-                candidates.clear();
-                candidates.extend(near.iter().map(|&c| position(c, positions)));
-                contact.pushes(&fold, near, &candidates, true, Firmness::SURFACE, found);
+                let JointSearch { near, found, .. } = search;
                 if found.pushes.is_empty() {
                     near.clear();
                     continue;
                 }
+                let vertex_of = |listed: u32| vertex_of(near[listed as usize]);
                 for push in &found.pushes {
                     positions[vertex_of(push.listed)] += frame.transform_vector3(push.offset);
+                    pushed[vertex_of(push.listed)] = true;
                 }
                 if round > 0 {
                     continue;
@@ -106,6 +109,55 @@ impl SurfaceContacts {
                     }
                 }
             }
+            for (contact, search) in contacts.iter().zip(joints.iter()) {
+                for push in &search.found.pushes {
+                    let candidate = search.near[push.listed as usize];
+                    pushed[contact.vertices[candidate as usize].element as usize] = false;
+                }
+            }
+        }
+    }
+}
+
+/// Buffers of [`SurfaceContacts::separate`].
+#[derive(Debug, Clone, Default)]
+pub(super) struct SeparationBuffers {
+    joints: Vec<JointSearch>,
+    /// Vertices (V) that this round has pushed; false everywhere between rounds.
+    pushed: Vec<bool>,
+}
+
+/// The search for what one joint has to push.
+#[derive(Debug, Clone, Default)]
+struct JointSearch {
+    fold: Option<FoldPlane>,
+    near: Vec<u32>,
+    candidates: Vec<Vec3>,
+    found: ContactScratch,
+}
+
+impl JointSearch {
+    /// Lists the candidates that can come into contact in a pose.
+    fn begin(&mut self, contact: &JointContact, local: &[Affine3A], inverse: &Affine3A, positions: &[Vec3]) {
+        self.fold = contact.fold_plane(local);
+        self.near.clear();
+        if let Some(fold) = &self.fold {
+            self.candidates.clear();
+            let vertices = contact.vertices.iter().map(|vertex| positions[vertex.element as usize]);
+            self.candidates.extend(vertices.map(|position| inverse.transform_point3(position)));
+            contact.list_near(fold, &self.candidates, &mut self.near);
+        }
+    }
+
+    /// Finds the pushes of those that are listed.
+    fn find(&mut self, contact: &JointContact, inverse: &Affine3A, positions: &[Vec3]) {
+        let Self { fold, near, candidates, found } = self;
+        found.pushes.clear();
+        if let (Some(fold), false) = (fold, near.is_empty()) {
+            candidates.clear();
+            let vertex = |&candidate: &u32| contact.vertices[candidate as usize].element as usize;
+            candidates.extend(near.iter().map(|c| inverse.transform_point3(positions[vertex(c)])));
+            contact.pushes(fold, near, candidates, true, Firmness::SURFACE, found);
         }
     }
 }

@@ -1,9 +1,8 @@
-//! Gauss-Seidel sweeps over the batches of an island, for any kind of registers.
+//! Gauss-Seidel sweeps over the batches of a domain, for any kind of registers.
 
 use nalgebra::Vector3;
 
-use super::active::ActivePart;
-use super::island::Island;
+use super::domains::Domain;
 use super::lanes::{BATCH, Lanes, OnLanes, Particle};
 use super::{
     EnergyForm, PbdSettings, least_volume_divisor, project_energy, project_energy_paper, project_stretch,
@@ -18,8 +17,9 @@ fn batch_at(batches: &[u32], step: usize, backwards: bool) -> usize {
 
 /// Stretch constraints (eq. 6) of all active edges.
 pub(super) struct StretchSweep<'a> {
-    pub island: &'a Island,
-    pub active: &'a ActivePart,
+    pub domain: &'a Domain,
+    /// Batches with a free particle.
+    pub active: &'a [u32],
     pub particles: &'a mut [Particle],
     pub stiffness: f32,
     pub backwards: bool,
@@ -28,14 +28,14 @@ pub(super) struct StretchSweep<'a> {
 impl OnLanes for StretchSweep<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { island, particles, .. } = self;
+        let Self { domain, particles, .. } = self;
         let stiffness = lanes.splat(self.stiffness);
-        for step in 0..self.active.edges.len() {
-            let batch = batch_at(&self.active.edges, step, self.backwards);
-            let [a, b] = &island.edge_batches.particles[batch];
+        for step in 0..self.active.len() {
+            let batch = batch_at(self.active, step, self.backwards);
+            let [a, b] = &domain.edges.particles[batch];
             for part in 0..L::PARTS {
                 let ((p, w), (q, v)) = (lanes.load(particles, a, part), lanes.load(particles, b, part));
-                let rest_length = lanes.read(&island.rest_lengths[batch][0], part);
+                let rest_length = lanes.read(&domain.rest_lengths[batch][0], part);
                 let steps = project_stretch([p, q], [w, v], rest_length, stiffness);
                 lanes.store(particles, a, part, p + steps[0], w);
                 lanes.store(particles, b, part, q + steps[1], v);
@@ -61,9 +61,12 @@ pub(super) fn load_tetrahedra<L: Lanes>(
 
 /// Volume constraints (eq. 7) of all active tetrahedra.
 pub(super) struct VolumeSweep<'a> {
-    pub island: &'a Island,
-    pub active: &'a ActivePart,
+    pub domain: &'a Domain,
+    /// Batches with a free particle.
+    pub active: &'a [u32],
     pub particles: &'a mut [Particle],
+    /// Rest volume of a tetrahedron.
+    pub rest_volume: f32,
     pub stiffness: f32,
     pub backwards: bool,
 }
@@ -71,13 +74,13 @@ pub(super) struct VolumeSweep<'a> {
 impl OnLanes for VolumeSweep<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { island, particles, .. } = self;
+        let Self { domain, particles, .. } = self;
         let stiffness = lanes.splat(self.stiffness);
-        let rest_volume = lanes.splat(island.rest_volume);
-        let least_divisor = lanes.splat(least_volume_divisor(island.rest_volume));
-        for step in 0..self.active.tetrahedra.len() {
-            let batch = batch_at(&self.active.tetrahedra, step, self.backwards);
-            let corners = &island.tetrahedron_batches.particles[batch];
+        let rest_volume = lanes.splat(self.rest_volume);
+        let least_divisor = lanes.splat(least_volume_divisor(self.rest_volume));
+        for step in 0..self.active.len() {
+            let batch = batch_at(self.active, step, self.backwards);
+            let corners = &domain.tetrahedra.particles[batch];
             for part in 0..L::PARTS {
                 let (p, w) = load_tetrahedra(lanes, particles, corners, part);
                 let steps = project_volume(p, w, rest_volume, least_divisor, stiffness);
@@ -101,8 +104,9 @@ fn read_four<L: Lanes>(lanes: L, numbers: &[[f32; BATCH]; 4], part: usize) -> [L
 
 /// Energy constraints (eq. 8-11) of all active tetrahedra.
 pub(super) struct EnergySweep<'a> {
-    pub island: &'a Island,
-    pub active: &'a ActivePart,
+    pub domain: &'a Domain,
+    /// Batches with a free particle.
+    pub active: &'a [u32],
     pub particles: &'a mut [Particle],
     pub multipliers: &'a mut [[[f32; BATCH]; 4]],
     pub settings: &'a PbdSettings,
@@ -111,18 +115,18 @@ pub(super) struct EnergySweep<'a> {
 impl OnLanes for EnergySweep<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { island, particles, multipliers, settings, .. } = self;
+        let Self { domain, particles, multipliers, settings, .. } = self;
         let (one, strength) = (lanes.splat(1.0), lanes.splat(settings.energy));
-        for &batch in &self.active.tetrahedra {
+        for &batch in self.active {
             let batch = batch as usize;
-            let corners = &island.tetrahedron_batches.particles[batch];
+            let corners = &domain.tetrahedra.particles[batch];
             for part in 0..L::PARTS {
                 let (mut p, w) = load_tetrahedra(lanes, particles, corners, part);
-                let lengths = read_four(lanes, &island.spring_lengths[batch], part);
+                let lengths = read_four(lanes, &domain.spring_lengths[batch], part);
                 match settings.energy_form {
                     EnergyForm::Compliant => {
                         let mut stiffness = lanes.splat(settings.energy * settings.stiffness);
-                        if let Some([share]) = island.stiffness_shares.get(batch) {
+                        if let Some([share]) = domain.stiffness_shares.get(batch) {
                             stiffness *= lanes.read(share, part);
                         }
                         let compliance = one / stiffness + lanes.splat(LEAST_COMPLIANCE);

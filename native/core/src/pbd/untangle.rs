@@ -7,11 +7,9 @@ use super::{Real, least_volume_divisor, project_volume, signed_volume};
 
 /// Share of its rest volume that every tetrahedron keeps.
 const LEAST_VOLUME: f32 = 0.1;
-/// Sweeps over tetrahedra that have less, at most.
-const MOST_SWEEPS: usize = 40;
 
-/// Projects the volume constraint as an inequality: opens tetrahedra of the `active` batches that
-/// have less than a share of their rest volume, and no others. `flat` is a buffer.
+/// One sweep that projects the volume constraint as an inequality: opens tetrahedra of the `active`
+/// batches that have less than a share of their rest volume, and no others. Their batches are left in `flat`.
 pub(super) fn untangle(
     batches: &Batches<4>,
     rest_volume: f32,
@@ -20,13 +18,10 @@ pub(super) fn untangle(
     flat: &mut Vec<u32>,
 ) {
     let least_volume = LEAST_VOLUME * rest_volume;
-    for _ in 0..MOST_SWEEPS {
-        flat.clear();
-        let too_flat = |batch: &&u32| volumes(batches, particles, **batch).any(|v| v < least_volume);
-        flat.extend(active.iter().filter(too_flat));
-        if flat.is_empty() {
-            break;
-        }
+    flat.clear();
+    let too_flat = |batch: &&u32| volumes(batches, particles, **batch).any(|v| v < least_volume);
+    flat.extend(active.iter().filter(too_flat));
+    if !flat.is_empty() {
         let least_divisor = least_volume_divisor(rest_volume);
         on_widest_lanes(Untangling { batches, flat, particles, least_volume, least_divisor });
     }
@@ -98,7 +93,11 @@ mod tests {
             let (batches, mut particles) = pair(0.3, mass);
             let active = Vec::from_iter(0..batches.particles.len() as u32);
             assert_eq!(count_inverted(&batches, &active, &particles), 1);
-            untangle(&batches, 1.0 / 6.0, &active, &mut particles, &mut Vec::new());
+            let mut flat = vec![0];
+            for _ in 0..40 {
+                untangle(&batches, 1.0 / 6.0, &active, &mut particles, &mut flat);
+            }
+            assert!(flat.is_empty());
             assert_eq!(count_inverted(&batches, &active, &particles), 0);
             let least = 0.99 * LEAST_VOLUME / 6.0;
             assert!(active.iter().all(|&b| volumes(&batches, &particles, b).all(|v| v >= least)));
