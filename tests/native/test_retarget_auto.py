@@ -34,7 +34,13 @@ BOUNDS = {
     "random_3": 0.11,
 }
 # Weights that another hand has painted: part of the error is taste.
-SHARED_BOUNDS = {"wolf_husky": 0.42, "husky_wolf": 0.42, "male_zombie": 0.15, "zombie_male": 0.15}
+SHARED_BOUNDS = {
+    "wolf_husky": 0.42,
+    "husky_wolf": 0.42,
+    "wolf_trex": 0.25,
+    "male_zombie": 0.15,
+    "zombie_male": 0.15,
+}
 # Garments on their wearers, whose weights were made by the closest point of the body.
 WORN_BOUNDS = {"default_tights": 0.05, "heavy_casualsuit": 0.075}
 
