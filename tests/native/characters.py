@@ -201,6 +201,7 @@ def shared_pairs():
     pairs = {}
     for family, targets in (
         (animals, animals),
+        ({"wolf": "quat_wolf"}, {"trex": "quat_trex"}),
         (humans, humans),
         ({name: bodies[name] for name in ("default", "heavy")}, garments),
         (bodies, bodies | others),

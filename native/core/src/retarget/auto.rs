@@ -14,6 +14,7 @@ use super::ray_marks::{RayMark, ray_marks};
 use super::rejection::RejectionSettings;
 use super::shell::Shell;
 use super::similarity::{POINTS, distance_to, similar};
+use super::sliding::{lengths, slide};
 use super::surface_sample::samples;
 use super::surface_weights::take_over;
 use super::{RetargetError, Retargeted, Settings};
@@ -114,10 +115,10 @@ pub(super) fn retarget(
     let warped_surface = Surroundings { mesh: &warped, query: &warped_query, shell: &source_shell };
     let placed = match as_a_whole(&alignment, &warped_query, &given_skeleton, target_surface, progress)? {
         Some((whole, worn)) => {
-            let mesh = if user.is_empty() { whole } else { deformed(&whole, &user, None, progress)? };
+            let mesh = if user.is_empty() { whole } else { fitted(&whole, &user, progress)? };
             Placed { mesh, worn, landmarks: Vec::new(), difference: None }
         }
-        None => on_target(&alignment, warped_surface, difference, target_surface, user, progress)?,
+        None => on_target(&alignment, warped_surface, difference, target_surface, (user, &given), progress)?,
     };
 
     let tests = if placed.worn { WORN_LOOSELY } else { RejectionSettings::default() };
@@ -185,35 +186,55 @@ fn on_target(
     warped: Surroundings<'_>,
     difference: Option<Difference>,
     target: Surroundings<'_>,
-    user: Vec<Constraint>,
+    (user, given): (Vec<Constraint>, &[[u32; 2]]),
     progress: &Progress,
 ) -> Result<Placed, RetargetError> {
     progress.begin("Finding landmarks", 0.12, 0.2)?;
     let found = ray_marks((warped, alignment.weights), target, &alignment.aligned, alignment.takes_part);
     let marks: Vec<Constraint> = user.into_iter().chain(found.iter().map(RayMark::constraint)).collect();
-    let mesh = deformed(warped.mesh, &marks, Some(target), progress)?;
+    let source = alignment.source;
+    let stay: Vec<DVec3> = given.iter().map(|&[s, _]| source.mesh.vertices()[s as usize]).collect();
+    let share = difference.map_or(0.0, |difference| difference.share);
+    let lengths = lengths((source.mesh, alignment.weights), alignment.skeleton, &stay, share);
+    let mesh = registered(warped.mesh, &marks, (source, &lengths), target, progress)?;
     Ok(Placed { mesh, worn: false, landmarks: found.iter().map(RayMark::vertices).collect(), difference })
 }
 
-/// A surface deformed to marks and then onto a target.
-fn deformed(
+/// A surface deformed to marks.
+fn fitted(
     mesh: &TriangleMesh,
     marks: &[Constraint],
-    target: Option<Surroundings<'_>>,
+    progress: &Progress,
+) -> Result<TriangleMesh, RetargetError> {
+    let spectral = |error| spectral_error("source", error);
+    progress.begin("Fitting landmarks", 0.2, 0.63)?;
+    let deformer = Deformer::new(mesh, marks).map_err(spectral)?;
+    let fitted = deformer.fit(&DeformSettings::default(), progress).map_err(spectral)?;
+    moved_to(mesh, fitted.vertices)
+}
+
+/// A surface deformed to marks and then onto a target, where it slides along as far as its `lengths`
+/// say; `rest` is the surface before the warp.
+fn registered(
+    mesh: &TriangleMesh,
+    marks: &[Constraint],
+    (rest, lengths): (Surroundings<'_>, &[f64]),
+    target: Surroundings<'_>,
     progress: &Progress,
 ) -> Result<TriangleMesh, RetargetError> {
     let spectral = |error| spectral_error("source", error);
     progress.begin("Fitting landmarks", 0.2, 0.35)?;
     let deformer = Deformer::new(mesh, marks).map_err(spectral)?;
     let fitted = deformer.fit(&DeformSettings::default(), progress).map_err(spectral)?;
-    progress.begin("Deforming the surface", 0.35, 0.63)?;
-    let vertices = match target {
-        Some(target) => {
-            let settings = IcpSettings::default();
-            register(&deformer, &fitted, target, &settings, progress).map_err(spectral)?.vertices
-        }
-        None => fitted.vertices,
-    };
+    progress.begin("Deforming the surface", 0.35, 0.57)?;
+    let settings = IcpSettings::default();
+    let registered = register(&deformer, &fitted, target, &settings, progress).map_err(spectral)?;
+    progress.begin("Sliding along the surface", 0.57, 0.63)?;
+    let start = (deformer.surface(), registered.vertices.as_slice());
+    moved_to(mesh, slide(start, (rest, lengths), target, progress).map_err(spectral)?)
+}
+
+fn moved_to(mesh: &TriangleMesh, vertices: Vec<DVec3>) -> Result<TriangleMesh, RetargetError> {
     TriangleMesh::new(vertices, mesh.triangles().to_vec()).map_err(|error| mesh_error("source", error))
 }
 

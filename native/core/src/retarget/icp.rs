@@ -97,7 +97,9 @@ pub fn register(
             let agrees =
                 |p: &ClosestPull| p.distance <= reach(&shell, v, settings.max_distance * target.shell.extent);
             (surface.shares[v] > 0.0)
-                .then(|| closest(vertices[v], normals[v], shell.two_sided[v], target, settings.max_angle))
+                .then(|| {
+                    closest_pull(vertices[v], normals[v], shell.two_sided[v], target, settings.max_angle)
+                })
                 .flatten()
                 .filter(agrees)
         })?;
@@ -126,11 +128,14 @@ pub fn register(
     Ok(Registered { vertices, pulled })
 }
 
-struct ClosestPull {
-    position: DVec3,
-    distance: f64,
+/// The closest point of a target that faces the same way.
+pub(super) struct ClosestPull {
+    pub(super) position: DVec3,
+    /// Outward normal of the target there.
+    pub(super) normal: DVec3,
+    pub(super) distance: f64,
     /// 0 at the largest angle, 1 from two thirds of it on.
-    agreement: f64,
+    pub(super) agreement: f64,
 }
 
 /// A limb is never pulled across its own thickness; an eighth of the reach is always allowed.
@@ -138,7 +143,8 @@ fn reach(shell: &Shell, v: usize, farthest: f64) -> f64 {
     shell.thickness[v].clamp(0.125 * farthest, farthest)
 }
 
-fn closest(
+/// What pulls a point of a surface with its outward normal; nothing beyond a sheet's open edge.
+pub(super) fn closest_pull(
     point: DVec3,
     normal: DVec3,
     two_sided: bool,
@@ -155,6 +161,7 @@ fn closest(
     let agreement = (3.0 * (1.0 - angle / max_angle)).clamp(0.0, 1.0);
     (agreement > 0.0 && !open).then_some(ClosestPull {
         position: found.position,
+        normal: facing,
         distance: found.distance,
         agreement,
     })

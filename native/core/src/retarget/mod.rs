@@ -33,6 +33,7 @@ pub mod seams;
 pub mod shell;
 mod shepard;
 mod similarity;
+mod sliding;
 mod surface_sample;
 mod surface_weights;
 mod unclaimed;

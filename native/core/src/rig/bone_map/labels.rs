@@ -121,6 +121,7 @@ impl Labels {
         if let (false, Some((head, [_, ..]))) = (named(self, Part::Head), neck.split_last()) {
             self.rename(&[*head], &Part::Head);
         }
+        self.tell_other_backs(skeleton);
         let spine = longest_path(skeleton, &self.bones(Side::Middle, &Part::Spine));
         if spine.len() < 2 {
             return;
@@ -144,6 +145,28 @@ impl Labels {
             self.rename(&spine[..1], &Part::Hips);
         }
     }
+
+    /// The spine carries the head, or the neck: where some bone named after it does, another one that
+    /// does not is no spine, such as the "Back" of a dinosaur, on which its tail hangs.
+    fn tell_other_backs(&mut self, skeleton: &Skeleton) {
+        let ends = [Part::Neck, Part::Head].map(|part| self.bones(Side::Middle, &part)).concat();
+        let carries = |bone: u32| {
+            let mut above = ends
+                .iter()
+                .flat_map(|&end| std::iter::successors(Some(end), |&b| skeleton.parents()[b as usize]));
+            above.any(|b| b == bone)
+        };
+        let (spine, others): (Vec<u32>, Vec<u32>) =
+            self.bones(Side::Middle, &Part::Spine).into_iter().partition(|&bone| carries(bone));
+        if spine.is_empty() {
+            return;
+        }
+        let Some(names) = skeleton.names() else { return };
+        for bone in others {
+            let word = names[bone as usize].to_lowercase();
+            self.rename(&[bone], &Part::Other(word));
+        }
+    }
 }
 
 /// The longest path of bones that lie one below the other, among bones given parents first.
@@ -158,4 +181,28 @@ pub(super) fn longest_path(skeleton: &Skeleton, bones: &[u32]) -> Vec<u32> {
         }
     }
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    /// The dinosaur's "Back" comes first and carries its tail.
+    #[test]
+    fn the_spine_carries_the_head() {
+        let bones =
+            [("Body", -1), ("Back", 0), ("Tail1", 1), ("Hips", 0), ("Torso", 3), ("Neck", 4), ("Head", 5)];
+        let place = |at: usize| DVec3::X * at as f64;
+        let parents: Vec<i64> = bones.iter().map(|bone| bone.1).collect();
+        let skeleton = |count: usize| {
+            let names = bones[..count].iter().map(|bone| bone.0.to_owned()).collect();
+            let heads = (0..count).map(place).collect();
+            Skeleton::new(heads, (1..=count).map(place).collect(), &parents[..count], Some(names)).unwrap()
+        };
+        let spine = |skeleton: &Skeleton| Labels::new(skeleton).bones(Side::Middle, &Part::Spine);
+        assert_eq!(spine(&skeleton(7)), [4]);
+        // Where nothing says which of them carries a head, all of them may.
+        assert_eq!(spine(&skeleton(5)), [1, 4]);
+    }
 }

@@ -11,6 +11,7 @@ mod assignment;
 mod by_name;
 mod by_structure;
 mod chain;
+mod detached;
 mod error;
 mod frame;
 mod labels;
@@ -93,6 +94,7 @@ pub fn map_bones(source: &Skeleton, target: &Skeleton) -> Result<BoneMap, BoneMa
     from.labels.join_neck(&mut to.labels);
     let mut entries = by_name::map_by_name(&from, &to);
     by_structure::map_the_rest(&from, &to, &mut entries);
+    detached::map_detached(&from, &to, &mut entries);
     BoneMap::new(source, target, entries)
 }
 
