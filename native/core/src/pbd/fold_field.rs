@@ -125,7 +125,11 @@ impl FoldField {
         }
         let sums = self.sums[0].iter().zip(&self.sums[1]);
         let known = sums.map(|(a, b)| a[1].min(1.0) * b[1].min(1.0));
-        self.overlap.iter().zip(known).map(|(overlap, known)| overlap * known).fold(0.0, f32::max)
+        let deepest =
+            self.overlap.iter().zip(known).map(|(overlap, known)| overlap * known).fold(0.0, f32::max);
+        // No farther than so deep, so that nothing moves at the first touch.
+        self.slack = scale.slack.min(deepest);
+        deepest
     }
 
     /// How far the sides are in contact, seen along the bend alone: both always meet at the fold's

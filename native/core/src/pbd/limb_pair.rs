@@ -183,7 +183,7 @@ impl LimbPair<'_> {
         }
         if is_first {
             let [full, none] = DEEP;
-            plane.strength *= smoothstep(deepest / SLACK) * smoothstep((none - deepest) / (none - full));
+            plane.strength *= smoothstep((none - deepest) / (none - full));
         }
         let listed = near.iter().enumerate().flat_map(|(side, near)| near.iter().map(move |n| (side, n)));
         for ((side, (vertex, _, rest_overlap)), place) in listed.zip(places.iter()) {
