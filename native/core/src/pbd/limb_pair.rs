@@ -191,7 +191,7 @@ impl LimbPair<'_> {
             if beyond <= 0.0 {
                 continue;
             }
-            let overlap = field.sunk(place, beyond);
+            let overlap = field.sunk(&Place { beyond: place.height, ..*place }, beyond);
             let amount = (overlap - scale * rest_overlap) * plane.strength * place.facing;
             if amount > LEAST_PUSH * spacing {
                 let back = if side == 0 { -amount } else { amount };
