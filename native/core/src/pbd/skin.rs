@@ -64,6 +64,13 @@ pub struct SolvedOffsets {
     pub stats: Stats,
 }
 
+/// What a surface is skinned by, and its rest positions where they are not the mesh's.
+struct Pose<'a> {
+    skinning: &'a Skinning<'a>,
+    transforms: &'a [Affine3A],
+    vertices: Option<&'a [Vec3]>,
+}
+
 impl PbdSkin {
     /// Builds cages, islands and constraints. A mesh without triangles or without blending joints
     /// is a skin too: it is only ever skinned plainly.
@@ -169,7 +176,8 @@ impl PbdSkin {
             let PoseScratch { islands, surface, .. } = &mut scratch;
             let mut stats = self.solve_islands(transforms, islands);
             let surface_begin = Instant::now();
-            self.correct(&skinning, transforms, vertices, islands, surface, &mut positions, &mut stats.work);
+            let pose = Pose { skinning: &skinning, transforms, vertices };
+            self.correct(&pose, islands, surface, &mut positions, &mut stats.work);
             stats.milliseconds.surface = milliseconds(surface_begin);
             stats.milliseconds.skinning = skinned;
             stats.milliseconds.total = milliseconds(begin);
@@ -208,7 +216,8 @@ impl PbdSkin {
                 stats.milliseconds.skinning = milliseconds(skinning_begin);
                 let surface_begin = Instant::now();
                 solved.clone_from(plain);
-                self.correct(&skinning, transforms, vertices, islands, surface, solved, &mut stats.work);
+                let pose = Pose { skinning: &skinning, transforms, vertices };
+                self.correct(&pose, islands, surface, solved, &mut stats.work);
                 for (vertex, (solved, plain)) in solved.iter_mut().zip(plain).enumerate() {
                     *solved = (*solved - *plain) * shares.map_or(1.0, |shares| shares[vertex]);
                 }
@@ -272,9 +281,7 @@ impl PbdSkin {
     /// Moves the plainly skinned surface to where its islands have solved it.
     fn correct(
         &self,
-        skinning: &Skinning<'_>,
-        transforms: &[Affine3A],
-        vertices: Option<&[Vec3]>,
+        pose: &Pose<'_>,
         scratch: &[IslandScratch],
         surface: &mut SurfaceScratch,
         positions: &mut [Vec3],
@@ -283,6 +290,7 @@ impl PbdSkin {
         if scratch.iter().all(|s| s.frame.is_none()) {
             return;
         }
+        let Pose { skinning, transforms, vertices } = *pose;
         let vertices = vertices.unwrap_or(&self.rest);
         let is_rest = vertices == self.rest;
         let SurfaceScratch { moved, all, smoothed, contact, limbs } = surface;
