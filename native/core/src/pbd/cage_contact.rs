@@ -89,7 +89,7 @@ impl CageContacts {
             self.list_near(island, particles);
             self.listed = true;
         }
-        let refill = self.sweeps % FIELD_SWEEPS == 0;
+        let refill = self.sweeps.is_multiple_of(FIELD_SWEEPS);
         self.sweeps += 1;
         let now = &*particles;
         each_fold(island, &mut self.joints, |contact, fold, joint| {

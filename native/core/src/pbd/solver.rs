@@ -327,7 +327,7 @@ mod tests {
 
     #[test]
     fn solutions_on_all_lane_widths_agree_to_a_millionth_of_the_height() {
-        let fine = PbdSettings { cell_size: Some(0.35), ..PbdSettings::paper() };
+        let fine = PbdSettings { cell_size: Some(0.25), ..PbdSettings::paper() };
         for settings in [PbdSettings::default(), PbdSettings::paper(), fine] {
             let (islands, pose) = islands_of(&settings);
             assert_eq!(settings.cell_size.is_some(), islands[0].domains.len() > 1, "only large ones are cut");
