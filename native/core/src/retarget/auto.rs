@@ -7,6 +7,7 @@ use super::alignment::align;
 use super::deform::{DeformSettings, Deformer};
 use super::differing_shapes::{Difference, Differing};
 use super::icp::{IcpSettings, Surroundings, register};
+use super::inpaint::InpaintSettings;
 use super::joint_refinement::Alignment;
 use super::landmarks::check_landmarks;
 use super::marks::{Anchor, Constraint};
@@ -17,6 +18,7 @@ use super::similarity::{POINTS, distance_to, similar};
 use super::sliding::{lengths, slide};
 use super::surface_sample::samples;
 use super::surface_weights::take_over;
+use super::warp::Warp;
 use super::{RetargetError, Retargeted, Settings};
 use crate::mesh::{MeshError, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
@@ -40,9 +42,15 @@ const ALIGNED: f64 = 0.32;
 /// and after which the target is bound to its own skeleton, where it is.
 pub(super) const BOUND: f64 = 0.6;
 
-/// Tests of matches for garments, whose folds, linings and distance say little.
-const WORN_LOOSELY: RejectionSettings =
-    RejectionSettings { max_angle: 180.0, max_distance: 0.1, max_depth: 10.0, other_wall: false };
+/// Tests of matches for garments, whose folds, linings and distance say little; but where cloth spans
+/// two limbs, as at the crotch, closest points tear it apart.
+const WORN_LOOSELY: RejectionSettings = RejectionSettings {
+    max_angle: 180.0,
+    max_distance: 0.1,
+    max_depth: 10.0,
+    other_wall: false,
+    max_stretch: 3.0,
+};
 
 /// A character with both of its halves.
 #[derive(Clone, Copy)]
@@ -118,11 +126,23 @@ pub(super) fn retarget(
             let mesh = if user.is_empty() { whole } else { fitted(&whole, &user, progress)? };
             Placed { mesh, worn, landmarks: Vec::new(), difference: None }
         }
-        None => on_target(&alignment, warped_surface, difference, target_surface, (user, &given), progress)?,
+        None => on_target(
+            (&alignment, &given_skeleton),
+            warped_surface,
+            difference,
+            target_surface,
+            (user, &given),
+            progress,
+        )?,
     };
 
-    let tests = if placed.worn { WORN_LOOSELY } else { RejectionSettings::default() };
-    let taken = take_over((&placed.mesh, source_weights, &tests), target_surface, &choice, progress)?;
+    let (tests, filling) = if placed.worn {
+        (WORN_LOOSELY, InpaintSettings { smoothing_rounds: 0 })
+    } else {
+        (RejectionSettings::default(), InpaintSettings::default())
+    };
+    let found = (&placed.mesh, source_weights);
+    let taken = take_over(found, (&tests, &filling), target_surface, &choice, progress)?;
     let rows = taken.rows.iter().map(|row| {
         // Bones with weight always have a partner.
         let mut renamed: Vec<(u32, f64)> =
@@ -182,7 +202,7 @@ fn as_a_whole(
 /// The source, warped onto the target's skeleton, deformed onto its surface. Which side of it is
 /// outside is what it was before the warp.
 fn on_target(
-    alignment: &Alignment<'_>,
+    (alignment, given_skeleton): (&Alignment<'_>, &Skeleton),
     warped: Surroundings<'_>,
     difference: Option<Difference>,
     target: Surroundings<'_>,
@@ -192,11 +212,18 @@ fn on_target(
     progress.begin("Finding landmarks", 0.12, 0.2)?;
     let found = ray_marks((warped, alignment.weights), target, &alignment.aligned, alignment.takes_part);
     let marks: Vec<Constraint> = user.into_iter().chain(found.iter().map(RayMark::constraint)).collect();
-    let source = alignment.source;
-    let stay: Vec<DVec3> = given.iter().map(|&[s, _]| source.mesh.vertices()[s as usize]).collect();
+    let source = alignment.source.mesh;
+    let stay: Vec<DVec3> = given.iter().map(|&[s, _]| source.vertices()[s as usize]).collect();
     let share = difference.map_or(0.0, |difference| difference.share);
-    let lengths = lengths((source.mesh, alignment.weights), alignment.skeleton, &stay, share);
-    let mesh = registered(warped.mesh, &marks, (source, &lengths), target, progress)?;
+    let on_source = (source, alignment.weights);
+    let slides = (share < 1.0).then(|| {
+        // Refined joints serve the fit; the given ones tell the pose.
+        let (rig, none) = (alignment.skeleton, vec![0.0; alignment.skeleton.bone_count()]);
+        let pose = Warp::new(rig, given_skeleton, alignment.takes_part, &none, &none);
+        let posed = pose.repose(rig, on_source.0.vertices(), on_source.1);
+        (posed, lengths(on_source, alignment.skeleton, &stay, share))
+    });
+    let mesh = registered(warped, &marks, slides, target, progress)?;
     Ok(Placed { mesh, worn: false, landmarks: found.iter().map(RayMark::vertices).collect(), difference })
 }
 
@@ -213,25 +240,27 @@ fn fitted(
     moved_to(mesh, fitted.vertices)
 }
 
-/// A surface deformed to marks and then onto a target, where it slides along as far as its `lengths`
-/// say; `rest` is the surface before the warp.
+/// A surface deformed to marks and then onto a target, where it slides along, if told its vertices at
+/// rest in the target's pose and how far.
 fn registered(
-    mesh: &TriangleMesh,
+    surface: Surroundings<'_>,
     marks: &[Constraint],
-    (rest, lengths): (Surroundings<'_>, &[f64]),
+    slides: Option<(Vec<DVec3>, Vec<f64>)>,
     target: Surroundings<'_>,
     progress: &Progress,
 ) -> Result<TriangleMesh, RetargetError> {
     let spectral = |error| spectral_error("source", error);
     progress.begin("Fitting landmarks", 0.2, 0.35)?;
-    let deformer = Deformer::new(mesh, marks).map_err(spectral)?;
+    let deformer = Deformer::new(surface.mesh, marks).map_err(spectral)?;
     let fitted = deformer.fit(&DeformSettings::default(), progress).map_err(spectral)?;
     progress.begin("Deforming the surface", 0.35, 0.57)?;
     let settings = IcpSettings::default();
     let registered = register(&deformer, &fitted, target, &settings, progress).map_err(spectral)?;
     progress.begin("Sliding along the surface", 0.57, 0.63)?;
+    let Some((posed, lengths)) = slides else { return moved_to(surface.mesh, registered.vertices) };
     let start = (deformer.surface(), registered.vertices.as_slice());
-    moved_to(mesh, slide(start, (rest, lengths), target, progress).map_err(spectral)?)
+    let slid = slide(start, (&posed, &lengths), surface.shell, target, progress).map_err(spectral)?;
+    moved_to(surface.mesh, slid)
 }
 
 fn moved_to(mesh: &TriangleMesh, vertices: Vec<DVec3>) -> Result<TriangleMesh, RetargetError> {

@@ -34,11 +34,19 @@ pub struct RejectionSettings {
     pub max_depth: f64,
     /// Whether a match on the body's other wall may stand in for a closest point that fails.
     pub other_wall: bool,
+    /// Largest factor by which the ends of an edge may lie farther apart on the source.
+    pub max_stretch: f64,
 }
 
 impl Default for RejectionSettings {
     fn default() -> Self {
-        Self { max_angle: 60.0, max_distance: 0.02, max_depth: 0.5, other_wall: true }
+        Self {
+            max_angle: 60.0,
+            max_distance: 0.02,
+            max_depth: 0.5,
+            other_wall: true,
+            max_stretch: f64::INFINITY,
+        }
     }
 }
 
@@ -87,7 +95,8 @@ pub fn match_surfaces(
         .map(|v| {
             let verdict = &verdicts[v];
             let agreeing = verdict.consistent.iter().filter(|(_, agrees)| *agrees).count();
-            candidates[v].passes && verdict.returns && 2 * agreeing >= verdict.consistent.len()
+            let holds = verdict.returns && 2 * agreeing >= verdict.consistent.len();
+            candidates[v].passes && holds && !edges.tears(v, &candidates, settings.max_stretch)
         })
         .collect();
     let smallest = std::f64::consts::PI * (SMALLEST_PATCH * source.shell.extent).powi(2);
@@ -235,6 +244,13 @@ impl Neighbours {
                 (n, false)
             })
             .collect()
+    }
+
+    /// Whether the match leaps by more than `stretch` times an edge, from limb to limb.
+    fn tears(&self, v: usize, candidates: &[Candidate], stretch: f64) -> bool {
+        let (at, place) = (self.target.vertices(), |v: usize| candidates[v].at.position);
+        let leaps = |n: usize| place(v).distance(place(n)) > stretch * at[v].distance(at[n]);
+        self.neighbours(v).iter().any(|&n| leaps(n as usize))
     }
 
     /// Whether the target's point closest to the match lies near the vertex along the target.

@@ -7,7 +7,7 @@
 //!
 //! min ½ ∫ |∇x|² + ½ ∫ |x − x₀|² / ℓ², x on the target,
 //!
-//! integrals over the source at rest. ℓ is the length over which stretch evens out. The warp knows
+//! integrals over the source at rest, but in the target's pose: what a bend stretches is no matter of shape. ℓ is the length over which stretch evens out. The warp knows
 //! the place along a bone the better the thinner the limb is, and a thin limb has the finer shape too:
 //! ℓ grows with the square of the radius. A surface on a copy of itself stays where it is. Where shapes
 //! differ altogether, even stretch is no more likely than any other, and nothing slides.
@@ -19,6 +19,7 @@ use super::bilaplacian::Bilaplacian;
 use super::bone_rays::median;
 use super::icp::{Surroundings, closest_pull};
 use super::joint_system::largest_bone;
+use super::shell::Shell;
 use crate::linalg::SymmetricMatrix;
 use crate::mesh::TriangleMesh;
 use crate::parallel::map_indices;
@@ -76,19 +77,20 @@ pub(super) fn lengths(
 }
 
 /// Where the vertices of a surface go that lies on the target as `start` and whose vertices at rest are
-/// `rest`, each with its length.
+/// `posed`, each with its length. The outside is that of `shell`.
 ///
 /// # Errors
 /// [`SpectralError`] for a surface without area, or when `progress` was cancelled.
 pub(super) fn slide(
     (surface, start): (&Bilaplacian, &[DVec3]),
-    (rest, lengths): (Surroundings<'_>, &[f64]),
+    (posed, lengths): (&[DVec3], &[f64]),
+    shell: &Shell,
     target: Surroundings<'_>,
     progress: &Progress,
 ) -> Result<Vec<DVec3>, SpectralError> {
     let triangles = surface.welded.triangles();
     let Laplacian { stiffness, areas } =
-        Laplacian::new(&TriangleMesh::new(rest.mesh.vertices().to_vec(), triangles.to_vec())?)?;
+        Laplacian::new(&TriangleMesh::new(posed.to_vec(), triangles.to_vec())?)?;
     let shortest = SHORTEST * areas.iter().sum::<f64>().sqrt();
     let mut is_open = vec![false; start.len()];
     let boundary = surface.welded.topology().boundary_edges();
@@ -97,13 +99,13 @@ pub(super) fn slide(
     for round in 0..ROUNDS {
         let shares = [round, round + 1].map(|round| f64::from(round) / f64::from(ROUNDS));
         let current = TriangleMesh::new(vertices.clone(), triangles.to_vec())?;
-        let normals = rest.shell.normals_of(&current);
+        let normals = shell.normals_of(&current);
         let farthest = MAX_DISTANCE * target.shell.extent;
         let planes = map_indices(vertices.len(), progress, shares, |v, (): &mut ()| {
             if surface.shares[v] <= 0.0 || is_open[v] {
                 return Plane::default();
             }
-            match closest_pull(vertices[v], normals[v], rest.shell.two_sided[v], target, MAX_ANGLE) {
+            match closest_pull(vertices[v], normals[v], shell.two_sided[v], target, MAX_ANGLE) {
                 Some(pull) => {
                     let near = (2.0 * (1.0 - pull.distance / farthest)).clamp(0.0, 1.0);
                     Plane {
@@ -227,7 +229,6 @@ fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::shell::Shell;
     use super::*;
     use crate::mesh::SurfaceQuery;
     use crate::mesh::test_surfaces::{icosphere, mapped, permuted, similarity, tube};
@@ -241,7 +242,8 @@ mod tests {
         let at = |i: usize, mesh| Surroundings { mesh, query: &queries[i], shell: &shells[i] };
         let surface = Bilaplacian::new(start, &[]).unwrap();
         let lengths = vec![length; rest.vertex_count()];
-        slide((&surface, start.vertices()), (at(0, rest), &lengths), at(1, target), &progress).unwrap()
+        slide((&surface, start.vertices()), (rest.vertices(), &lengths), &shells[0], at(1, target), &progress)
+            .unwrap()
     }
 
     /// A sphere turned out of the axes: a point inside then never has two closest points.

@@ -40,9 +40,11 @@ pub(super) struct TakenOver {
     pub(super) parts: Vec<Part>,
 }
 
-/// Takes the weights of `source`, which lies on the target, over to it. `tests` are those of the matches.
+/// Takes the weights of `source`, which lies on the target, over to it. `tests` are those of the matches,
+/// `filling` says how the rest is filled.
 pub(super) fn take_over(
-    (source, weights, tests): (&TriangleMesh, &SkinWeights, &RejectionSettings),
+    (source, weights): (&TriangleMesh, &SkinWeights),
+    (tests, filling): (&RejectionSettings, &InpaintSettings),
     target: Surroundings<'_>,
     choice: &ResolvedChoice<PartPolicy>,
     progress: &Progress,
@@ -83,9 +85,8 @@ pub(super) fn take_over(
         .collect();
     let placed = SourceWeights { surface, rows: &source_rows };
     let parts = plan_parts(target.mesh, &accepted, placed, choice);
-    let filling = InpaintSettings::default();
     let filled =
-        weigh_parts(target.mesh, &parts, &rows, &known, placed, &filling, progress).map_err(spectral)?;
+        weigh_parts(target.mesh, &parts, &rows, &known, placed, filling, progress).map_err(spectral)?;
     let origin = origins(&filled, &accepted);
     Ok(TakenOver {
         rows: filled.rows,

@@ -96,16 +96,41 @@ impl Warp {
 
     /// Where the vertices go, each with its row of weights; a vertex without weights stays.
     pub(super) fn apply(&self, vertices: &[DVec3], weights: &SkinWeights) -> Vec<DVec3> {
-        let place = |(vertex, &point): (usize, &DVec3)| {
-            let (mut sum, mut total) = (DVec3::ZERO, 0.0);
-            for (bone, weight) in weights.entries(vertex) {
-                sum += self.bones[bone as usize].apply(point) * f64::from(weight);
-                total += f64::from(weight);
-            }
-            if total > 0.0 { sum / total } else { point }
-        };
-        vertices.par_iter().enumerate().map(place).collect()
+        blended(vertices, weights, |bone, point| self.bones[bone].apply(point))
     }
+
+    /// Where the vertices go by the turns of the bones alone: the source, as long and as thick as it is,
+    /// in the aligned skeleton's pose. `source` is its skeleton.
+    pub(super) fn repose(&self, source: &Skeleton, vertices: &[DVec3], weights: &SkinWeights) -> Vec<DVec3> {
+        let mut heads = source.heads().to_vec();
+        for &bone in source.depth_order() {
+            if let Some(parent) = source.parents()[bone as usize].map(|parent| parent as usize) {
+                let offset = source.heads()[bone as usize] - source.heads()[parent];
+                heads[bone as usize] = heads[parent] + self.bones[parent].rotation * offset;
+            }
+        }
+        let turn = |bone: usize, point: DVec3| {
+            heads[bone] + self.bones[bone].rotation * (point - source.heads()[bone])
+        };
+        blended(vertices, weights, turn)
+    }
+}
+
+/// Vertices moved by their weights' blend of the bones' maps; one without weights stays.
+fn blended(
+    vertices: &[DVec3],
+    weights: &SkinWeights,
+    map: impl Fn(usize, DVec3) -> DVec3 + Sync,
+) -> Vec<DVec3> {
+    let place = |(vertex, &point): (usize, &DVec3)| {
+        let (mut sum, mut total) = (DVec3::ZERO, 0.0);
+        for (bone, weight) in weights.entries(vertex) {
+            sum += map(bone as usize, point) * f64::from(weight);
+            total += f64::from(weight);
+        }
+        if total > 0.0 { sum / total } else { point }
+    };
+    vertices.par_iter().enumerate().map(place).collect()
 }
 
 #[cfg(test)]
@@ -141,6 +166,17 @@ mod tests {
         let moved = warp.apply(&[DVec3::new(1.5, 0.2, 0.3), DVec3::ONE], &weights);
         assert!(moved[0].abs_diff_eq(DVec3::new(0.8, 0.5, 0.3), 1e-12), "{}", moved[0]);
         assert_eq!(moved[1], DVec3::ONE);
+    }
+
+    #[test]
+    fn turned_bones_keep_their_size_in_another_pose() {
+        let source = skeleton(&[DVec3::ZERO, DVec3::X, DVec3::X * 2.0]);
+        let aligned = skeleton(&[DVec3::Z, DVec3::Z + DVec3::X * 3.0, DVec3::new(3.0, 5.0, 1.0)]);
+        let warp = Warp::new(&source, &aligned, &[true; 2], &[2.0; 2], &[0.0; 2]);
+        let weights = SkinWeights::from_dense(&[1.0, 0.0, 0.0, 1.0], 2).unwrap();
+        let moved = warp.repose(&source, &[DVec3::new(0.5, 0.2, 0.3), DVec3::new(1.5, 0.2, 0.3)], &weights);
+        assert!(moved[0].abs_diff_eq(DVec3::new(0.5, 0.2, 0.3), 1e-12), "{}", moved[0]);
+        assert!(moved[1].abs_diff_eq(DVec3::new(0.8, 0.5, 0.3), 1e-12), "{}", moved[1]);
     }
 
     #[test]
