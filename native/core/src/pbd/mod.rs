@@ -38,6 +38,7 @@ mod settings;
 mod skin;
 mod smoothing;
 mod solver;
+mod start;
 mod stats;
 mod stiffness;
 mod stretch;

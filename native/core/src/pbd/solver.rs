@@ -2,7 +2,6 @@
 
 use glam::{Affine3A, Vec3};
 use nalgebra::Vector3;
-use rayon::prelude::*;
 use wide::f32x4;
 
 use super::active::ActivePart;
@@ -10,11 +9,11 @@ use super::cage_contact::CageContacts;
 use super::domains::{Domain, sweep};
 use super::island::{Bind, Island, SurfacePoint};
 use super::lanes::{BATCH, Particle, on_widest_lanes};
+use super::start::StartState;
 use super::stats::Work;
 use super::sweeps::{EnergySweep, StretchSweep, VolumeSweep};
 use super::untangle::{count_inverted, untangle};
-use super::{PbdSettings, Start, project_bind};
-use crate::skinning::Skinning;
+use super::{PbdSettings, project_bind};
 
 /// Buffers of one island, kept between frames; what they hold does not matter.
 #[derive(Debug, Clone, Default)]
@@ -24,8 +23,7 @@ pub(super) struct Scratch {
     domains: Vec<DomainScratch>,
     contacts: CageContacts,
     active: ActivePart,
-    /// Joints that bend: bone, parent, and how far the start is from linear blending.
-    bends: Vec<(u32, u32, f32)>,
+    start: StartState,
     /// What the pose took.
     pub work: Work,
 }
@@ -75,7 +73,8 @@ pub(super) fn solve_island(
 ) {
     scratch.contacts.begin(island, settings, transforms);
     scratch.active.carry(island, transforms);
-    start(island, settings, transforms, scratch);
+    let Scratch { particles, contacts, active, start, .. } = scratch;
+    start.place(island, settings, transforms, active, contacts.folds(island), particles);
     free_concerned(island, scratch);
     take_constraints(island, settings, transforms, scratch);
     scratch.work = Work { solved_islands: 1, ..Work::default() };
@@ -148,48 +147,8 @@ fn take_constraints(island: &Island, settings: &PbdSettings, transforms: &[Affin
     });
 }
 
-/// Particles that are skinned in one task.
-const CHUNK: usize = 1024;
 /// Sweeps that open what is nearly flat, at most.
 const MOST_UNTANGLING_SWEEPS: usize = 40;
-
-/// The start state: particles skinned by their own weights, none of them free yet. What no moved bone
-/// carries is where it was.
-fn start(island: &Island, settings: &PbdSettings, transforms: &[Affine3A], scratch: &mut Scratch) {
-    let Scratch { particles, contacts, active, bends, .. } = scratch;
-    let linear = match settings.start {
-        Start::Linear => true,
-        Start::DualQuaternion => false,
-        Start::Auto => settings.volume <= 0.0,
-    };
-    bends.clear();
-    if settings.start == Start::Auto && !linear {
-        let joints = contacts.folds(island).map(|(contact, fold)| (contact, BEND_LINEAR * fold.bend_share));
-        let bent = joints.filter(|&(_, share)| share > 0.0);
-        bends.extend(bent.map(|(contact, share)| (contact.bone, contact.parent, share)));
-    }
-    let blended = Skinning::linear(transforms);
-    let skinning = if linear { blended.clone() } else { Skinning::dual_quaternion(transforms, None) };
-    let (active, bends) = (&*active, &*bends);
-    let place_of = |i: usize| {
-        let mut place = island.rest[i];
-        if active.is_carried(i) {
-            let row = island.weights.row(i);
-            place = skinning.vertex(island.rest[i], row);
-            let share = if island.inverse_masses[i] > 0.0 { linear_share(row, bends) } else { 0.0 };
-            if share > 0.0 {
-                place = place.lerp(blended.vertex(island.rest[i], row), share);
-            }
-        }
-        f32x4::new([place.x, place.y, place.z, 0.0])
-    };
-    particles.resize(island.rest.len(), f32x4::splat(0.0));
-    particles.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, particles)| {
-        for (i, particle) in (chunk * CHUNK..).zip(particles) {
-            *particle = place_of(i);
-        }
-    });
-}
 
 /// Frees what the pose concerns: what is deformed, what may come into contact from the start state, and
 /// the rings around it.
@@ -202,25 +161,6 @@ fn free_concerned(island: &Island, scratch: &mut Scratch) {
         let [x, y, z, _] = particle.to_array();
         *particle = f32x4::new([x, y, z, mass]);
     }
-}
-
-/// Where a joint bends, the start is half way from dual quaternions to linear blending, which sinks
-/// the inner side into the fold: contact then parts it no farther than touching. Dual quaternions
-/// alone leave a hole at the fold's root that nothing closes; linear blending alone overlaps so far
-/// that contact does not part it everywhere.
-const BEND_LINEAR: f32 = 0.5;
-
-/// How far a particle starts from linear blending: the joints that bend, as `(bone, parent, share)`,
-/// by their part in all the blending between two bones of its row.
-fn linear_share((bones, weights): (&[u32], &[f32]), bends: &[(u32, u32, f32)]) -> f32 {
-    if bones.len() < 2 || bends.is_empty() {
-        return 0.0;
-    }
-    let weight = |bone: u32| bones.iter().position(|&b| b == bone).map_or(0.0, |place| weights[place]);
-    let bent: f32 = bends.iter().map(|&(bone, parent, share)| weight(bone) * weight(parent) * share).sum();
-    let pairs = (0..weights.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
-    let all: f32 = pairs.map(|(i, j)| weights[i] * weights[j]).sum();
-    if bent > 0.0 { (bent / all).min(1.0) } else { 0.0 }
 }
 
 fn sweep_stretch(
