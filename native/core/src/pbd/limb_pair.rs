@@ -53,9 +53,9 @@ pub(super) struct PairScratch {
 /// How near limbs feel each other: in radii of the thinner one, and in distances between samples.
 const REACH: [f32; 2] = [0.5, 1.5];
 /// How deep, in radii of the thinner one, limbs may be in each other: so deep they are parted in full, and so
-/// deep not at all, because skin alone cannot part limbs that pass right through each other. Far apart, so that the
-/// push never fades faster than the limbs move.
-const DEEP: [f32; 2] = [0.8, 3.0];
+/// deep not at all, because skin alone cannot part limbs that pass right through each other. So far apart that the
+/// push fades no faster than twice as the limbs move, and done before the normals that tell their direction turn.
+const DEEP: [f32; 2] = [0.6, 1.3];
 /// Gap at which limbs feel each other's height fields, and slack of these, in radii of the thinner one.
 const MARGIN: f32 = 0.15;
 const SLACK: f32 = 0.1;
