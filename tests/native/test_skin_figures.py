@@ -158,7 +158,8 @@ def test_a_body_passes_the_closest_peer(person, pose):
 @pytest.mark.parametrize("side", ["l", "r"])
 def test_no_limb_pops_through_a_bend(person, side):
     mesh, skeleton, weights, skin = person
-    turns = {f"thigh_{side}": [-1.0, 0, 0], f"lowerarm_{side}": [0, 0, 1.0 if side == "l" else -1.0]}
+    outwards = 1.0 if side == "l" else -1.0
+    turns = {f"thigh_{side}": [-1.0, 0, 0], f"lowerarm_{side}": [0, 0, outwards], f"upperarm_{side}": [1.0, 0, 0]}
     for bone, axis in turns.items():
         poses = [turned(skeleton, {bone: angle * np.array(axis)}) for angle in np.radians(np.arange(0, 91, 3))]
         corrections = [skin.solve(pose) - linear_blend_skinning(mesh.vertices, weights, pose) for pose in poses]

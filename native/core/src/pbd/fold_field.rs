@@ -139,15 +139,17 @@ impl FoldField {
             line.clear();
             line.resize(count, f32::NEG_INFINITY);
         }
-        for place in places.iter().filter(|place| place.inwards > 0.0) {
+        for place in places {
             let side = usize::from(place.below);
-            self.highest[side] = self.highest[side].max(place.height);
-            let t = place.inwards / step;
+            // Behind the joint it counts by the cone that reaches past it, so that none sets in as it passes.
+            let height = place.height + place.inwards.min(0.0);
+            self.highest[side] = self.highest[side].max(height);
+            let t = place.inwards.max(0.0) / step;
             let node = (t as usize).min(count - 2);
             let t = t - node as f32;
             let line = &mut self.profiles[side];
-            line[node] = line[node].max(place.height - t * step);
-            line[node + 1] = line[node + 1].max(place.height - (1.0 - t) * step);
+            line[node] = line[node].max(height - t * step);
+            line[node + 1] = line[node + 1].max(height - (1.0 - t) * step);
         }
         for line in &mut self.profiles {
             for i in 1..count {
