@@ -164,7 +164,7 @@ def commands(where: Place, blender: Callable[..., int]) -> list[dict[str, str | 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--blender", help="a Blender of this machine instead of the one in .window/")
-    parser.add_argument("--docs", action="store_true", help="renew the pictures in docs/images")
+    parser.add_argument("--docs", action="store_true", help="renew those pictures that docs/images has")
     arguments = parser.parse_args()
     zip_path = DIST / f"dermis-{version()}.zip"
     if not zip_path.is_file() or not DEMO.is_file():
@@ -180,10 +180,10 @@ def main() -> int:
             if where.folder != Path(scratch):
                 shutil.rmtree(where.folder)
     if arguments.docs:
-        for path in sorted(PICTURES.glob("*.png")):
-            with Image.open(path) as image:
+        for path in sorted(DOCS.glob("window_*.png")):
+            with Image.open(PICTURES / path.name.removeprefix("window_")) as image:
                 small = image.convert("P", palette=Image.Palette.ADAPTIVE, colors=256)
-            small.save(DOCS / f"window_{path.name}", optimize=True)
+            small.save(path, optimize=True)
     print()
     for each in steps:
         print(f"{'ok    ' if each['ok'] else 'FAILED'}  {each['step']}" + (f": {each['text']}" if each["text"] else ""))
