@@ -18,6 +18,7 @@ from scratch_profile import MODULE, PROFILE  # isort: skip  (before bpy)
 from profile_modules import OnlyFromTheProfile  # isort: skip
 
 import bpy
+import dask_cluster
 
 DIST = Path(__file__).resolve().parent.parent / "dist"
 
@@ -49,6 +50,20 @@ def empty_scene(addon):
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert MODULE in bpy.context.preferences.addons
     return addon
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory):
+    """The address of a Dask scheduler without workers."""
+    with dask_cluster.scheduler(tmp_path_factory.mktemp("scheduler")) as address:
+        yield address
+
+
+@pytest.fixture
+def workers(scheduler, tmp_path_factory):
+    """Three processes that work for it."""
+    with dask_cluster.workers(scheduler, tmp_path_factory.mktemp("workers")) as processes:
+        yield processes
 
 
 _status = 0

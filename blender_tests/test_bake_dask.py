@@ -8,25 +8,12 @@ from pathlib import Path
 import bakes as b
 import bpy
 import characters as c
-import dask_cluster
 import pytest
 from scratch_profile import MODULE
 
 pytest.importorskip("distributed")
 
 FRAMES = 240
-
-
-@pytest.fixture(scope="module")
-def scheduler(tmp_path_factory):
-    with dask_cluster.scheduler(tmp_path_factory.mktemp("scheduler")) as address:
-        yield address
-
-
-@pytest.fixture
-def workers(scheduler, tmp_path):
-    with dask_cluster.workers(scheduler, tmp_path) as processes:
-        yield processes
 
 
 @pytest.fixture

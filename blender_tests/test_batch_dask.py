@@ -10,7 +10,6 @@ import bakes as b
 import bpy
 import characters as c
 import commands as k
-import dask_cluster
 import pytest
 from scratch_profile import MODULE
 
@@ -19,19 +18,6 @@ psutil = pytest.importorskip("psutil")  # comes with it
 
 AVATARS = {"anna": 16, "bert": 20}
 GARMENTS = {"shirt": (10, 14), "coat": (9, 16)}
-
-
-@pytest.fixture(scope="module")
-def scheduler(tmp_path_factory):
-    with dask_cluster.scheduler(tmp_path_factory.mktemp("scheduler")) as address:
-        yield address
-
-
-@pytest.fixture
-def workers(scheduler, tmp_path):
-    (tmp_path / "workers").mkdir()
-    with dask_cluster.workers(scheduler, tmp_path / "workers") as processes:
-        yield processes
 
 
 @pytest.fixture

@@ -255,7 +255,8 @@ impl FoldField {
         }
     }
 
-    /// Overlap and middle of the heights; false where the sides are too far apart everywhere.
+    /// Overlap and middle of the heights; false where the sides are too far apart everywhere. For the middle
+    /// counts what lies farther along the bend than `root`.
     fn meet(&mut self, scale: &FieldScale, share: f32, root: f32) -> bool {
         let [above, below] = &self.envelopes;
         self.overlap.clear();

@@ -135,7 +135,7 @@ impl LimbContacts {
 
     fn bound(&self, positions: &[Vec3], scratch: &mut LimbScratch) {
         scratch.bounds.clear();
-        scratch.bounds.extend(self.parts.iter().map(|part| part_bounds(part, positions)));
+        scratch.bounds.par_extend(self.parts.par_iter().map(|part| part_bounds(part, positions)));
         scratch.order.clear();
         scratch.order.extend(0..self.parts.len() as u32);
         let low = |&part: &u32| scratch.bounds[part as usize].low.x;

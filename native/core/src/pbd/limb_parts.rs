@@ -2,10 +2,11 @@
 //! sample of them, and how thick the limb is.
 
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::HashMap;
 
 use glam::{Affine3A, DVec3, Mat3A, Vec3};
 
+use super::masks::geodesic_distances;
 use crate::mesh::{Adjacency, TriangleMesh};
 use crate::rig::{Skeleton, distance_to_segment};
 use crate::skinning::SkinWeights;
@@ -90,26 +91,10 @@ pub(super) fn ways_from(
     adjacency: &Adjacency,
     limit: f32,
 ) -> HashMap<u32, f32> {
-    let is_own = |vertex: u32| part.vertices.binary_search(&vertex).is_ok();
-    let mut ways = HashMap::new();
-    // Non-negative floats order like their bits.
-    let mut queue: BinaryHeap<Reverse<(u32, u32)>> =
-        part.vertices.iter().map(|&vertex| Reverse((0f32.to_bits(), vertex))).collect();
-    while let Some(Reverse((bits, vertex))) = queue.pop() {
-        let way = f32::from_bits(bits);
-        if ways.get(&vertex).is_some_and(|&known| known < way) {
-            continue;
-        }
-        for &next in adjacency.neighbours(vertex as usize) {
-            let (a, b) = (mesh.vertices()[vertex as usize], mesh.vertices()[next as usize]);
-            let through = way + a.distance(b) as f32;
-            if through <= limit && !is_own(next) && ways.get(&next).is_none_or(|&known| through < known) {
-                ways.insert(next, through);
-                queue.push(Reverse((through.to_bits(), next)));
-            }
-        }
-    }
-    ways
+    let seeds = part.vertices.iter().map(|&vertex| vertex as usize);
+    let ways = geodesic_distances(mesh, adjacency, seeds, limit.into());
+    let around = (0..).zip(ways).filter_map(|(vertex, way)| Some((vertex, way? as f32)));
+    around.filter(|(vertex, _)| part.vertices.binary_search(vertex).is_err()).collect()
 }
 
 /// An axis-aligned box.

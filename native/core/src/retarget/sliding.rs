@@ -7,10 +7,11 @@
 //!
 //! min ½ ∫ |∇x|² + ½ ∫ |x − x₀|² / ℓ², x on the target,
 //!
-//! integrals over the source at rest, but in the target's pose: what a bend stretches is no matter of shape. ℓ is the length over which stretch evens out. The warp knows
-//! the place along a bone the better the thinner the limb is, and a thin limb has the finer shape too:
-//! ℓ grows with the square of the radius. A surface on a copy of itself stays where it is. Where shapes
-//! differ altogether, even stretch is no more likely than any other, and nothing slides.
+//! integrals over the source at rest, but in the target's pose: what a bend stretches is no matter of
+//! shape. ℓ is the length over which stretch evens out. The warp knows the place along a bone the better
+//! the thinner the limb is, and a thin limb has the finer shape too: ℓ grows with the square of the
+//! radius. A surface on a copy of itself stays where it is. Where shapes differ altogether, even stretch
+//! is no more likely than any other, and nothing slides.
 
 use glam::DVec3;
 use rayon::prelude::*;
