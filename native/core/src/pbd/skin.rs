@@ -1,6 +1,7 @@
 //! The skin: built once from mesh, skeleton and weights, then a pure function from poses to
 //! vertices.
 
+use std::borrow::Cow;
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -16,7 +17,7 @@ use super::smoothing::smooth_correction;
 use super::stats::{ConstraintCounts, Milliseconds, Stats, Work};
 use super::stiffness::check_shares;
 use super::surface::{MovedVertices, PlainSkin};
-use super::surface_contact::SurfaceContacts;
+use super::surface_contact::{PosedIsland, SurfaceContacts, separate};
 use super::{PbdError, PbdSettings, SkinningMethod};
 use crate::cage::TetMesh;
 use crate::mesh::{Adjacency, TriangleMesh};
@@ -312,15 +313,17 @@ impl PbdSkin {
             positions[vertex as usize] += correction;
         }
         if self.settings.self_collision {
-            for ((island, contacts), scratch) in self.islands.iter().zip(&self.contacts).zip(scratch) {
-                let Some(frame) = &scratch.frame else { continue };
-                if is_rest {
-                    contacts.separate(&island.contacts, frame, &scratch.local, positions, contact);
-                } else {
-                    let shaped = reshaped(island, &scratch.local, vertices);
-                    contacts.separate(&shaped, frame, &scratch.local, positions, contact);
-                }
-            }
+            let pairs = self.islands.par_iter().zip(&self.contacts).zip(scratch);
+            let posed = pairs.filter_map(|((island, surface), scratch)| {
+                let frame = scratch.frame.as_ref()?;
+                let contacts = match is_rest {
+                    true => Cow::Borrowed(island.contacts.as_slice()),
+                    false => Cow::Owned(reshaped(island, &scratch.local, vertices)),
+                };
+                Some(PosedIsland { contacts, surface, frame, local: &scratch.local })
+            });
+            let posed: Vec<PosedIsland<'_>> = posed.collect();
+            separate(&posed, positions, contact);
             let shape = (!is_rest).then_some(vertices);
             self.limbs.separate(transforms, shape, &self.adjacency, positions, limbs);
         }

@@ -1,6 +1,8 @@
 //! The last word on contact: surface vertices that are still in the other side of their joint are
 //! projected (eq. 14) and relaxed (eq. 15).
 
+use std::borrow::Cow;
+
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
@@ -53,76 +55,96 @@ impl SurfaceContacts {
         };
         Self { rings: island.contacts.iter().map(rings_of).collect() }
     }
+}
 
-    /// Separates the sides of every bent joint of an island with its `contacts`. `local` are the
-    /// transforms relative to the island's `frame`; `positions` the whole surface.
-    pub(super) fn separate(
-        &self,
-        contacts: &[JointContact],
-        frame: &Affine3A,
-        local: &[Affine3A],
-        positions: &mut [Vec3],
-        buffers: &mut SeparationBuffers,
-    ) {
-        let inverse = frame.inverse();
-        let SeparationBuffers { joints, pushed } = buffers;
-        joints.resize_with(contacts.len(), JointSearch::default);
-        pushed.resize(positions.len(), false);
-        for round in 0..ROUNDS {
-            // What all joints would push as the surface is now.
-            let searches = joints.par_iter_mut().zip(contacts).with_max_len(1);
-            searches.for_each(|(search, contact)| {
-                if round == 0 {
-                    search.begin(contact, local, &inverse, positions);
-                }
-                search.find(contact, &inverse, positions);
-            });
-            // One joint after the other, so that what several of them press upon ends between all: where one
-            // before it has pushed, a joint searches again.
-            for ((contact, rings), search) in contacts.iter().zip(&self.rings).zip(joints.iter_mut()) {
-                let vertex_of = |candidate: u32| contact.vertices[candidate as usize].element as usize;
-                if search.near.iter().any(|&candidate| pushed[vertex_of(candidate)]) {
-                    search.find(contact, &inverse, positions);
-                }
-                let JointSearch { near, found, .. } = search;
-                if found.pushes.is_empty() {
-                    near.clear();
-                    continue;
-                }
-                let vertex_of = |listed: u32| vertex_of(near[listed as usize]);
-                for push in &found.pushes {
-                    positions[vertex_of(push.listed)] += frame.transform_vector3(push.offset);
-                    pushed[vertex_of(push.listed)] = true;
-                }
-                if round > 0 {
-                    continue;
-                }
-                for push in &found.pushes {
-                    let ring = &rings[near[push.listed as usize] as usize];
-                    if !ring.is_empty() {
-                        let vertex = vertex_of(push.listed);
-                        let neighbours = ring.iter().map(|&(n, phi)| (phi, positions[n as usize]));
-                        // Relaxation sets in with the push, so that nothing jumps at first touch.
-                        let share = (push.offset.length() / contact.spacing).min(1.0);
-                        positions[vertex] =
-                            positions[vertex].lerp(relax(positions[vertex], neighbours), share);
-                    }
+/// An island in a pose, whose joints' sides are to be separated.
+pub(super) struct PosedIsland<'a> {
+    pub contacts: Cow<'a, [JointContact]>,
+    pub surface: &'a SurfaceContacts,
+    pub frame: &'a Affine3A,
+    /// Transforms (B) relative to the frame.
+    pub local: &'a [Affine3A],
+}
+
+/// Separates the sides of every bent joint of all islands; `positions` are the whole surface.
+pub(super) fn separate(islands: &[PosedIsland<'_>], positions: &mut [Vec3], buffers: &mut SeparationBuffers) {
+    let joints: Vec<Joint<'_>> = islands.iter().flat_map(joints_of).collect();
+    let SeparationBuffers { searches, pushed } = buffers;
+    searches.resize_with(joints.len(), JointSearch::default);
+    pushed.resize(positions.len(), false);
+    for round in 0..ROUNDS {
+        // What all joints would push as the surface is now.
+        searches.par_iter_mut().zip(&joints).with_max_len(1).for_each(|(search, joint)| {
+            if round == 0 {
+                search.begin(joint, positions);
+            }
+            search.find(joint, positions, round == 0);
+        });
+        // One joint after the other, so that what several of them press upon ends between all: where one
+        // before it has pushed, a joint searches again.
+        for (joint, search) in joints.iter().zip(searches.iter_mut()) {
+            if search.near.iter().any(|&candidate| pushed[joint.vertex(candidate)]) {
+                search.find(joint, positions, round == 0);
+            }
+            let JointSearch { near, found, .. } = search;
+            if found.pushes.is_empty() {
+                near.clear();
+                continue;
+            }
+            for push in &found.pushes {
+                let vertex = joint.vertex(near[push.listed as usize]);
+                positions[vertex] += joint.frame.transform_vector3(push.offset);
+                pushed[vertex] = true;
+            }
+            if round > 0 {
+                continue;
+            }
+            for push in &found.pushes {
+                let candidate = near[push.listed as usize];
+                let ring = &joint.rings[candidate as usize];
+                if !ring.is_empty() {
+                    let vertex = joint.vertex(candidate);
+                    let neighbours = ring.iter().map(|&(n, phi)| (phi, positions[n as usize]));
+                    // Relaxation sets in with the push, so that nothing jumps at first touch.
+                    let share = (push.offset.length() / joint.contact.spacing).min(1.0);
+                    positions[vertex] = positions[vertex].lerp(relax(positions[vertex], neighbours), share);
                 }
             }
-            for (contact, search) in contacts.iter().zip(joints.iter()) {
-                for push in &search.found.pushes {
-                    let candidate = search.near[push.listed as usize];
-                    pushed[contact.vertices[candidate as usize].element as usize] = false;
-                }
+        }
+        for (joint, search) in joints.iter().zip(searches.iter()) {
+            for push in &search.found.pushes {
+                pushed[joint.vertex(search.near[push.listed as usize])] = false;
             }
         }
     }
 }
 
-/// Buffers of [`SurfaceContacts::separate`].
+/// A joint in a pose.
+struct Joint<'a> {
+    contact: &'a JointContact,
+    rings: &'a [Vec<(u32, f32)>],
+    local: &'a [Affine3A],
+    frame: &'a Affine3A,
+    inverse: Affine3A,
+}
+
+fn joints_of<'a>(island: &'a PosedIsland<'_>) -> impl Iterator<Item = Joint<'a>> {
+    let PosedIsland { contacts, surface, frame, local } = island;
+    let inverse = frame.inverse();
+    let joints = contacts.iter().zip(&surface.rings);
+    joints.map(move |(contact, rings)| Joint { contact, rings, local, frame, inverse })
+}
+
+impl Joint<'_> {
+    fn vertex(&self, candidate: u32) -> usize {
+        self.contact.vertices[candidate as usize].element as usize
+    }
+}
+
+/// Buffers of [`separate`].
 #[derive(Debug, Clone, Default)]
 pub(super) struct SeparationBuffers {
-    joints: Vec<JointSearch>,
+    searches: Vec<JointSearch>,
     /// Vertices (V) that this round has pushed; false everywhere between rounds.
     pushed: Vec<bool>,
 }
@@ -138,7 +160,8 @@ struct JointSearch {
 
 impl JointSearch {
     /// Lists the candidates that can come into contact in a pose.
-    fn begin(&mut self, contact: &JointContact, local: &[Affine3A], inverse: &Affine3A, positions: &[Vec3]) {
+    fn begin(&mut self, joint: &Joint<'_>, positions: &[Vec3]) {
+        let Joint { contact, local, inverse, .. } = joint;
         self.fold = contact.fold_plane(local);
         self.near.clear();
         if let Some(fold) = &self.fold {
@@ -150,14 +173,14 @@ impl JointSearch {
     }
 
     /// Finds the pushes of those that are listed.
-    fn find(&mut self, contact: &JointContact, inverse: &Affine3A, positions: &[Vec3]) {
+    fn find(&mut self, joint: &Joint<'_>, positions: &[Vec3], refill: bool) {
         let Self { fold, near, candidates, found } = self;
         found.pushes.clear();
         if let (Some(fold), false) = (fold, near.is_empty()) {
             candidates.clear();
-            let vertex = |&candidate: &u32| contact.vertices[candidate as usize].element as usize;
-            candidates.extend(near.iter().map(|c| inverse.transform_point3(positions[vertex(c)])));
-            contact.pushes(fold, near, candidates, true, Firmness::SURFACE, found);
+            let position = |&candidate: &u32| positions[joint.vertex(candidate)];
+            candidates.extend(near.iter().map(position).map(|p| joint.inverse.transform_point3(p)));
+            joint.contact.pushes(fold, near, candidates, refill, Firmness::SURFACE, found);
         }
     }
 }
