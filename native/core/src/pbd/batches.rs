@@ -1,12 +1,13 @@
 //! Constraints in batches that can be projected at once, in the lanes of a SIMD register.
 
+use super::corners::CornerIndices;
 use super::lanes::BATCH;
 
 /// Constraints over `K` particles each, in batches; no two in a batch share a particle.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Batches<const K: usize> {
-    /// Particles of each batch: corner by corner, one lane for each constraint.
-    pub particles: Vec<[[u32; BATCH]; K]>,
+    /// Particles of each batch.
+    pub corners: CornerIndices<K>,
     /// Constraints of each batch; `None` where a lane is idle.
     members: Vec<[Option<u32>; BATCH]>,
 }
@@ -16,7 +17,7 @@ impl<const K: usize> Batches<K> {
     /// particles: the result is that of one constraint after the other, in the order of
     /// [`shuffled`]. `idle` is a particle without mass: idle lanes name it.
     pub(super) fn new(constraints: &[[u32; K]], idle: u32) -> Self {
-        let mut batches = Self::default();
+        let (mut particles, mut members) = (Vec::new(), Vec::new());
         // First batch after those of each particle, and the first one with room from each batch on.
         let mut after = vec![0u32; idle as usize];
         let mut with_room: Vec<u32> = Vec::new();
@@ -24,22 +25,22 @@ impl<const K: usize> Batches<K> {
             let corners = &constraints[index as usize];
             let earliest = corners.iter().map(|&corner| after[corner as usize]).max().unwrap_or(0);
             let batch = first_with_room(&mut with_room, earliest);
-            if batch as usize == batches.members.len() {
-                batches.particles.push([[idle; BATCH]; K]);
-                batches.members.push([None; BATCH]);
+            if batch as usize == members.len() {
+                particles.push([[idle; BATCH]; K]);
+                members.push([None; BATCH]);
             }
-            let members = &mut batches.members[batch as usize];
-            let lane = members.iter().position(Option::is_none).unwrap_or(0);
-            members[lane] = Some(index);
+            let lanes: &mut [Option<u32>; BATCH] = &mut members[batch as usize];
+            let lane = lanes.iter().position(Option::is_none).unwrap_or(0);
+            lanes[lane] = Some(index);
             if lane + 1 == BATCH {
                 with_room[batch as usize] = batch + 1;
             }
             for (k, &corner) in corners.iter().enumerate() {
-                batches.particles[batch as usize][k][lane] = corner;
+                particles[batch as usize][k][lane] = corner;
                 after[corner as usize] = batch + 1;
             }
         }
-        batches
+        Self { corners: CornerIndices::new(particles), members }
     }
 
     /// Numbers of each constraint, batch by batch; 1 where a lane is idle.
@@ -58,7 +59,9 @@ impl<const K: usize> Batches<K> {
     pub(super) fn select(&self, free: &[bool], found: &mut Vec<u32>) {
         found.clear();
         let is_free = |corners: &[[u32; BATCH]; K]| corners.iter().flatten().any(|&c| free[c as usize]);
-        found.extend((0..).zip(&self.particles).filter(|(_, corners)| is_free(corners)).map(|(i, _)| i));
+        found.extend(
+            (0..).zip(self.corners.batches()).filter(|(_, corners)| is_free(corners)).map(|(i, _)| i),
+        );
     }
 }
 
@@ -127,7 +130,7 @@ mod tests {
             let mut seen: Vec<u32> = batches.members.iter().flatten().copied().flatten().collect();
             seen.sort_unstable();
             assert_eq!(seen, Vec::from_iter(0..count));
-            for (particles, members) in batches.particles.iter().zip(&batches.members) {
+            for (particles, members) in batches.corners.batches().iter().zip(&batches.members) {
                 let mut used: Vec<u32> = particles.iter().flatten().copied().filter(|&p| p != idle).collect();
                 used.sort_unstable();
                 assert!(used.windows(2).all(|pair| pair[0] < pair[1]), "{particles:?}");
@@ -158,9 +161,9 @@ mod tests {
             }
         }
         assert!(
-            batches.particles.len() < 35,
+            batches.corners.batches().len() < 35,
             "{} batches for {} pairs",
-            batches.particles.len(),
+            batches.corners.batches().len(),
             pairs.len()
         );
     }
@@ -182,7 +185,7 @@ mod tests {
     fn crowded_particles_do_not_run_out_of_batches() {
         let batches = Batches::new(&vec![[0, 1]; 6000], 2);
         assert_eq!(batches.members.iter().flatten().flatten().count(), 6000);
-        assert_eq!(batches.particles.len(), 6000);
+        assert_eq!(batches.corners.batches().len(), 6000);
     }
 
     #[test]
@@ -196,8 +199,8 @@ mod tests {
         free[4] = true;
         let mut found = vec![77];
         batches.select(&free, &mut found);
-        let holds = |b: &u32| batches.particles[*b as usize].iter().flatten().any(|&p| p == 4);
+        let holds = |b: &u32| batches.corners.batches()[*b as usize].iter().flatten().any(|&p| p == 4);
         assert!(!found.is_empty() && found.iter().all(holds));
-        assert_eq!(found.len(), (0..batches.particles.len() as u32).filter(holds).count());
+        assert_eq!(found.len(), (0..batches.corners.batches().len() as u32).filter(holds).count());
     }
 }

@@ -331,14 +331,14 @@ mod tests {
             let mut lines = 0;
             for domain in &domains {
                 let idle = domain.particles.len() as u32 - 1;
-                for batch in &domain.tetrahedra.particles {
+                for batch in domain.tetrahedra.corners.batches() {
                     for lane in (0..BATCH).filter(|&lane| batch[0][lane] != idle) {
                         let particle =
                             |k: usize| layout.order[domain.particles.start + batch[k][lane] as usize];
                         found.push(std::array::from_fn(|k| particle(k).unwrap()));
                     }
                 }
-                let lanes = domain.edges.particles.iter().flat_map(|[a, _]| a);
+                let lanes = domain.edges.corners.batches().iter().flat_map(|[a, _]| a);
                 lines += lanes.filter(|&&a| a != idle).count();
             }
             found.sort_unstable();
@@ -354,7 +354,7 @@ mod tests {
         let (domains, ..) = domains(40, 239);
         let count = |domain: &Domain| {
             let idle = domain.particles.len() as u32 - 1;
-            domain.tetrahedra.particles.iter().flat_map(|[a, ..]| a).filter(|&&a| a != idle).count()
+            domain.tetrahedra.corners.batches().iter().flat_map(|[a, ..]| a).filter(|&&a| a != idle).count()
         };
         let [first, second, across] = [0, 1, 2].map(|index| count(&domains[index]));
         assert_eq!(first + second + across, 240);

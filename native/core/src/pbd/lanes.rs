@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 use wide::f32x4;
 
 use super::Real;
+use super::corners::BatchCorners;
 #[cfg(target_arch = "x86_64")]
 use super::lanes_avx2::Avx2;
 
@@ -27,19 +28,19 @@ pub(super) trait Lanes: Copy {
     /// The same number in all lanes.
     fn splat(self, value: f32) -> Self::Real;
 
-    /// Positions and inverse masses of particles, one in each lane.
-    fn load(
+    /// Positions and inverse masses of the particles at a corner, one in each lane.
+    fn load<const K: usize>(
         self,
-        particles: &[Particle],
-        indices: &[u32; BATCH],
+        batch: &BatchCorners<'_, K>,
+        corner: usize,
         part: usize,
     ) -> (Vector3<Self::Real>, Self::Real);
 
     /// Writes back what [`Self::load`] has read.
-    fn store(
+    fn store<const K: usize>(
         self,
-        particles: &mut [Particle],
-        indices: &[u32; BATCH],
+        batch: &mut BatchCorners<'_, K>,
+        corner: usize,
         part: usize,
         position: Vector3<Self::Real>,
         inverse_mass: Self::Real,
@@ -85,24 +86,29 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn load(self, particles: &[Particle], indices: &[u32; BATCH], part: usize) -> (Vector3<f32x4>, f32x4) {
-        let row = |lane: usize| particles[indices[4 * part + lane] as usize];
+    fn load<const K: usize>(
+        self,
+        batch: &BatchCorners<'_, K>,
+        corner: usize,
+        part: usize,
+    ) -> (Vector3<f32x4>, f32x4) {
+        let row = |lane: usize| batch.get(corner, 4 * part + lane);
         let [x, y, z, mass] = f32x4::transpose([row(0), row(1), row(2), row(3)]);
         (Vector3::new(x, y, z), mass)
     }
 
     #[inline(always)]
-    fn store(
+    fn store<const K: usize>(
         self,
-        particles: &mut [Particle],
-        indices: &[u32; BATCH],
+        batch: &mut BatchCorners<'_, K>,
+        corner: usize,
         part: usize,
         position: Vector3<f32x4>,
         inverse_mass: f32x4,
     ) {
         let rows = f32x4::transpose([position.x, position.y, position.z, inverse_mass]);
         for lane in 0..4 {
-            particles[indices[4 * part + lane] as usize] = rows[lane];
+            batch.set(corner, 4 * part + lane, rows[lane]);
         }
     }
 
@@ -140,6 +146,7 @@ pub(super) mod tests {
     use std::cell::Cell;
 
     use super::*;
+    use crate::pbd::corners::CornerIndices;
     use crate::pbd::{project_energy, project_stretch, project_volume};
 
     thread_local! {
@@ -164,7 +171,7 @@ pub(super) mod tests {
         f32x4::new([(x * 0.7).sin(), (x * 1.3).cos(), (x * 2.1).sin(), [1.0, 0.25, 0.0][i % 3]])
     }
 
-    const INDICES: [[u32; BATCH]; 4] = [
+    const CORNERS: [[u32; BATCH]; 4] = [
         [3, 0, 5, 2, 31, 30, 9, 8],
         [1, 4, 6, 7, 10, 11, 12, 13],
         [14, 15, 16, 17, 18, 19, 20, 21],
@@ -172,16 +179,15 @@ pub(super) mod tests {
     ];
 
     /// All constraints, one after the other on the same batch.
-    struct Everything<'a>(&'a mut [Particle], &'a mut [f32; BATCH]);
+    struct Everything<'a>(BatchCorners<'a, 4>, &'a mut [f32; BATCH]);
 
     impl OnLanes for Everything<'_> {
         #[inline(always)]
         fn run<L: Lanes>(self, lanes: L) {
-            let Self(particles, numbers) = self;
+            let Self(mut batch, numbers) = self;
             for part in 0..L::PARTS {
-                let [a, b, c, d] = INDICES;
-                let ((p, s), (q, t)) = (lanes.load(particles, &a, part), lanes.load(particles, &b, part));
-                let ((m, u), (n, v)) = (lanes.load(particles, &c, part), lanes.load(particles, &d, part));
+                let ((p, s), (q, t)) = (lanes.load(&batch, 0, part), lanes.load(&batch, 1, part));
+                let ((m, u), (n, v)) = (lanes.load(&batch, 2, part), lanes.load(&batch, 3, part));
                 let steps = project_stretch([p, q], [s, t], lanes.read(numbers, part), lanes.splat(0.7));
                 let mut corners = [p + steps[0], q + steps[1], m, n];
                 let w = [s, t, u, v];
@@ -191,7 +197,7 @@ pub(super) mod tests {
                 let rest = [lanes.splat(0.5); 4];
                 project_energy(&mut corners, w, rest, lanes.splat(0.8), &mut multipliers);
                 for k in 0..4 {
-                    lanes.store(particles, &INDICES[k], part, corners[k], w[k]);
+                    lanes.store(&mut batch, k, part, corners[k], w[k]);
                 }
                 lanes.write(numbers, part, multipliers[3]);
             }
@@ -201,7 +207,7 @@ pub(super) mod tests {
     fn everything_on(run: impl FnOnce(Everything<'_>)) -> (Vec<[u32; 4]>, [u32; BATCH]) {
         let mut particles: Vec<Particle> = (0..32).map(particle).collect();
         let mut numbers: [f32; BATCH] = std::array::from_fn(|lane| 0.3 + 0.1 * lane as f32);
-        run(Everything(&mut particles, &mut numbers));
+        run(Everything(CornerIndices::new(vec![CORNERS]).of(&mut particles).batch(0), &mut numbers));
         (particles.iter().map(|p| p.to_array().map(f32::to_bits)).collect(), numbers.map(f32::to_bits))
     }
 

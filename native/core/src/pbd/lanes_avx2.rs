@@ -9,6 +9,7 @@ use pulp::x86::V3;
 use pulp::{NullaryFnOnce, cast};
 
 use super::Real;
+use super::corners::BatchCorners;
 use super::lanes::{BATCH, Lanes, OnLanes, Particle};
 
 /// Proof that the machine has AVX2.
@@ -61,22 +62,22 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn load(self, particles: &[Particle], indices: &[u32; BATCH], _part: usize) -> (Vector3<Eight>, Eight) {
-        let [a, b, c, d, e, f, g, h] = *indices;
-        let [x, y, z, mass] = self.transposed([
-            cast([particles[a as usize], particles[e as usize]]),
-            cast([particles[b as usize], particles[f as usize]]),
-            cast([particles[c as usize], particles[g as usize]]),
-            cast([particles[d as usize], particles[h as usize]]),
-        ]);
+    fn load<const K: usize>(
+        self,
+        batch: &BatchCorners<'_, K>,
+        corner: usize,
+        _part: usize,
+    ) -> (Vector3<Eight>, Eight) {
+        let rows = |lane: usize| cast([batch.get(corner, lane), batch.get(corner, lane + 4)]);
+        let [x, y, z, mass] = self.transposed([rows(0), rows(1), rows(2), rows(3)]);
         (Vector3::new(Eight(x, self), Eight(y, self), Eight(z, self)), Eight(mass, self))
     }
 
     #[inline(always)]
-    fn store(
+    fn store<const K: usize>(
         self,
-        particles: &mut [Particle],
-        indices: &[u32; BATCH],
+        batch: &mut BatchCorners<'_, K>,
+        corner: usize,
         _part: usize,
         position: Vector3<Eight>,
         inverse_mass: Eight,
@@ -84,8 +85,8 @@ impl Lanes for Avx2 {
         let rows = self.transposed([position.x.0, position.y.0, position.z.0, inverse_mass.0]);
         for lane in 0..4 {
             let [low, high] = cast::<__m256, [Particle; 2]>(rows[lane]);
-            particles[indices[lane] as usize] = low;
-            particles[indices[lane + 4] as usize] = high;
+            batch.set(corner, lane, low);
+            batch.set(corner, lane + 4, high);
         }
     }
 

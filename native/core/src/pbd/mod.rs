@@ -9,6 +9,7 @@ mod cage_contact;
 mod contact;
 mod contact_setup;
 mod contact_shape;
+mod corners;
 mod domains;
 mod energy;
 mod error;

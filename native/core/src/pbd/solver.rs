@@ -54,9 +54,9 @@ impl Scratch {
     }
 
     /// Tetrahedra that are inside out. Those that the pose does not concern are as in rest.
-    pub(super) fn inverted(&self, island: &Island) -> usize {
+    pub(super) fn inverted(&mut self, island: &Island) -> usize {
         let counts = island.domains.iter().zip(&self.domains).map(|(domain, scratch)| {
-            let particles = &self.particles[domain.particles.clone()];
+            let particles = &mut self.particles[domain.particles.clone()];
             count_inverted(&domain.tetrahedra, &scratch.tetrahedra, particles)
         });
         counts.sum()
@@ -142,7 +142,7 @@ fn take_constraints(island: &Island, settings: &PbdSettings, transforms: &[Affin
         }
         scratch.multipliers.clear();
         if settings.energy > 0.0 {
-            scratch.multipliers.resize(domain.tetrahedra.particles.len(), [[0.0; BATCH]; 4]);
+            scratch.multipliers.resize(domain.tetrahedra.corners.batches().len(), [[0.0; BATCH]; 4]);
         }
     });
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::corners::BatchCorners;
 use super::domains::Domain;
 use super::lanes::{BATCH, Lanes, OnLanes, Particle};
 use super::{
@@ -28,17 +29,18 @@ pub(super) struct StretchSweep<'a> {
 impl OnLanes for StretchSweep<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { domain, particles, .. } = self;
+        let domain = self.domain;
+        let mut all = domain.edges.corners.of(self.particles);
         let stiffness = lanes.splat(self.stiffness);
         for step in 0..self.active.len() {
             let batch = batch_at(self.active, step, self.backwards);
-            let [a, b] = &domain.edges.particles[batch];
+            let mut ends = all.batch(batch);
             for part in 0..L::PARTS {
-                let ((p, w), (q, v)) = (lanes.load(particles, a, part), lanes.load(particles, b, part));
+                let ((p, w), (q, v)) = (lanes.load(&ends, 0, part), lanes.load(&ends, 1, part));
                 let rest_length = lanes.read(&domain.rest_lengths[batch][0], part);
                 let steps = project_stretch([p, q], [w, v], rest_length, stiffness);
-                lanes.store(particles, a, part, p + steps[0], w);
-                lanes.store(particles, b, part, q + steps[1], v);
+                lanes.store(&mut ends, 0, part, p + steps[0], w);
+                lanes.store(&mut ends, 1, part, q + steps[1], v);
             }
         }
     }
@@ -48,14 +50,13 @@ impl OnLanes for StretchSweep<'_> {
 #[inline(always)]
 pub(super) fn load_tetrahedra<L: Lanes>(
     lanes: L,
-    particles: &[Particle],
-    corners: &[[u32; BATCH]; 4],
+    corners: &BatchCorners<'_, 4>,
     part: usize,
 ) -> ([Vector3<L::Real>; 4], [L::Real; 4]) {
-    let (a, s) = lanes.load(particles, &corners[0], part);
-    let (b, t) = lanes.load(particles, &corners[1], part);
-    let (c, u) = lanes.load(particles, &corners[2], part);
-    let (d, v) = lanes.load(particles, &corners[3], part);
+    let (a, s) = lanes.load(corners, 0, part);
+    let (b, t) = lanes.load(corners, 1, part);
+    let (c, u) = lanes.load(corners, 2, part);
+    let (d, v) = lanes.load(corners, 3, part);
     ([a, b, c, d], [s, t, u, v])
 }
 
@@ -74,18 +75,17 @@ pub(super) struct VolumeSweep<'a> {
 impl OnLanes for VolumeSweep<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { domain, particles, .. } = self;
+        let mut all = self.domain.tetrahedra.corners.of(self.particles);
         let stiffness = lanes.splat(self.stiffness);
         let rest_volume = lanes.splat(self.rest_volume);
         let least_divisor = lanes.splat(least_volume_divisor(self.rest_volume));
         for step in 0..self.active.len() {
-            let batch = batch_at(self.active, step, self.backwards);
-            let corners = &domain.tetrahedra.particles[batch];
+            let mut corners = all.batch(batch_at(self.active, step, self.backwards));
             for part in 0..L::PARTS {
-                let (p, w) = load_tetrahedra(lanes, particles, corners, part);
+                let (p, w) = load_tetrahedra(lanes, &corners, part);
                 let steps = project_volume(p, w, rest_volume, least_divisor, stiffness);
                 for k in 0..4 {
-                    lanes.store(particles, &corners[k], part, p[k] + steps[k], w[k]);
+                    lanes.store(&mut corners, k, part, p[k] + steps[k], w[k]);
                 }
             }
         }
@@ -115,13 +115,14 @@ pub(super) struct EnergySweep<'a> {
 impl OnLanes for EnergySweep<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { domain, particles, multipliers, settings, .. } = self;
+        let Self { domain, multipliers, settings, .. } = self;
+        let mut all = domain.tetrahedra.corners.of(self.particles);
         let (one, strength) = (lanes.splat(1.0), lanes.splat(settings.energy));
         for &batch in self.active {
             let batch = batch as usize;
-            let corners = &domain.tetrahedra.particles[batch];
+            let mut corners = all.batch(batch);
             for part in 0..L::PARTS {
-                let (mut p, w) = load_tetrahedra(lanes, particles, corners, part);
+                let (mut p, w) = load_tetrahedra(lanes, &corners, part);
                 let lengths = read_four(lanes, &domain.spring_lengths[batch], part);
                 match settings.energy_form {
                     EnergyForm::Compliant => {
@@ -145,7 +146,7 @@ impl OnLanes for EnergySweep<'_> {
                     }
                 }
                 for k in 0..4 {
-                    lanes.store(particles, &corners[k], part, p[k], w[k]);
+                    lanes.store(&mut corners, k, part, p[k], w[k]);
                 }
             }
         }

@@ -1,6 +1,7 @@
 //! The last word on volume: no tetrahedron ends nearly flat or inside out.
 
 use super::batches::Batches;
+use super::corners::BatchCorners;
 use super::lanes::{Lanes, OnLanes, Particle, Portable, on_widest_lanes};
 use super::sweeps::load_tetrahedra;
 use super::{Real, least_volume_divisor, project_volume, signed_volume};
@@ -19,8 +20,10 @@ pub(super) fn untangle(
 ) {
     let least_volume = LEAST_VOLUME * rest_volume;
     flat.clear();
-    let too_flat = |batch: &&u32| volumes(batches, particles, **batch).any(|v| v < least_volume);
-    flat.extend(active.iter().filter(too_flat));
+    let idle = particles.len() as u32 - 1;
+    let mut all = batches.corners.of(particles);
+    let mut too_flat = |batch: u32| volumes(&all.batch(batch as usize), idle).any(|v| v < least_volume);
+    flat.extend(active.iter().filter(|batch| too_flat(**batch)));
     if !flat.is_empty() {
         let least_divisor = least_volume_divisor(rest_volume);
         on_widest_lanes(Untangling { batches, flat, particles, least_volume, least_divisor });
@@ -28,17 +31,19 @@ pub(super) fn untangle(
 }
 
 /// Tetrahedra of the `active` batches that are inside out.
-pub(super) fn count_inverted(batches: &Batches<4>, active: &[u32], particles: &[Particle]) -> usize {
-    active.iter().map(|&batch| volumes(batches, particles, batch).filter(|v| *v <= 0.0).count()).sum()
+pub(super) fn count_inverted(batches: &Batches<4>, active: &[u32], particles: &mut [Particle]) -> usize {
+    let idle = particles.len() as u32 - 1;
+    let mut all = batches.corners.of(particles);
+    let inverted = |&batch: &u32| volumes(&all.batch(batch as usize), idle).filter(|v| *v <= 0.0).count();
+    active.iter().map(inverted).sum()
 }
 
-/// Signed volumes of the tetrahedra in a batch.
-fn volumes(batches: &Batches<4>, particles: &[Particle], batch: u32) -> impl Iterator<Item = f32> {
-    let corners = &batches.particles[batch as usize];
-    let idle = particles.len() as u32 - 1;
-    let of_part = |part: usize| signed_volume(load_tetrahedra(Portable, particles, corners, part).0);
+/// Signed volumes of the tetrahedra in a batch; lanes of the particle `idle` hold none.
+fn volumes(corners: &BatchCorners<'_, 4>, idle: u32) -> impl Iterator<Item = f32> + use<> {
+    let of_part = |part: usize| signed_volume(load_tetrahedra(Portable, corners, part).0);
     let volumes: [_; Portable::PARTS] = std::array::from_fn(|part| of_part(part).to_array());
-    volumes.into_iter().flatten().zip(corners[0]).filter(move |&(_, corner)| corner != idle).map(|(v, _)| v)
+    let named = volumes.into_iter().flatten().zip(*corners.indices(0));
+    named.filter(move |&(_, corner)| corner != idle).map(|(volume, _)| volume)
 }
 
 struct Untangling<'a> {
@@ -52,17 +57,18 @@ struct Untangling<'a> {
 impl OnLanes for Untangling<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { batches, flat, particles, .. } = self;
+        let Self { batches, flat, .. } = self;
+        let mut all = batches.corners.of(self.particles);
         let (one, least_volume) = (lanes.splat(1.0), lanes.splat(self.least_volume));
         let least_divisor = lanes.splat(self.least_divisor);
         for &batch in flat {
-            let corners = &batches.particles[batch as usize];
+            let mut corners = all.batch(batch as usize);
             for part in 0..L::PARTS {
-                let (p, w) = load_tetrahedra(lanes, particles, corners, part);
+                let (p, w) = load_tetrahedra(lanes, &corners, part);
                 let stiffness = one.where_above(least_volume, signed_volume(p));
                 let steps = project_volume(p, w, least_volume, least_divisor, stiffness);
                 for k in 0..4 {
-                    lanes.store(particles, &corners[k], part, p[k] + steps[k], w[k]);
+                    lanes.store(&mut corners, k, part, p[k] + steps[k], w[k]);
                 }
             }
         }
@@ -91,23 +97,24 @@ mod tests {
     fn what_is_inside_out_is_opened() {
         for mass in [0.0, 1.0] {
             let (batches, mut particles) = pair(0.3, mass);
-            let active = Vec::from_iter(0..batches.particles.len() as u32);
-            assert_eq!(count_inverted(&batches, &active, &particles), 1);
+            let active = Vec::from_iter(0..batches.corners.batches().len() as u32);
+            assert_eq!(count_inverted(&batches, &active, &mut particles), 1);
             let mut flat = vec![0];
             for _ in 0..40 {
                 untangle(&batches, 1.0 / 6.0, &active, &mut particles, &mut flat);
             }
             assert!(flat.is_empty());
-            assert_eq!(count_inverted(&batches, &active, &particles), 0);
+            assert_eq!(count_inverted(&batches, &active, &mut particles), 0);
             let least = 0.99 * LEAST_VOLUME / 6.0;
-            assert!(active.iter().all(|&b| volumes(&batches, &particles, b).all(|v| v >= least)));
+            let mut all = batches.corners.of(&mut particles);
+            assert!(active.iter().all(|&b| volumes(&all.batch(b as usize), 5).all(|v| v >= least)));
         }
     }
 
     #[test]
     fn what_is_open_enough_or_not_active_stays() {
         let (batches, before) = pair(-1.1 * LEAST_VOLUME, 1.0);
-        let active = Vec::from_iter(0..batches.particles.len() as u32);
+        let active = Vec::from_iter(0..batches.corners.batches().len() as u32);
         let mut particles = before.clone();
         untangle(&batches, 1.0 / 6.0, &active, &mut particles, &mut Vec::new());
         assert_eq!(particles, before);

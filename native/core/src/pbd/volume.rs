@@ -19,8 +19,14 @@ pub fn signed_volume<T: Real>(p: [Vector3<T>; 4]) -> T {
 #[inline(always)]
 pub fn volume_gradients<T: Real>(p: [Vector3<T>; 4]) -> [Vector3<T>; 4] {
     let sixth = p[0].x.constant(1.0 / 6.0);
+    product_gradients(p).map(|gradient| gradient * sixth)
+}
+
+/// Gradients of six times the volume.
+#[inline(always)]
+fn product_gradients<T: Real>(p: [Vector3<T>; 4]) -> [Vector3<T>; 4] {
     let (a, b, c) = (p[1] - p[0], p[2] - p[0], p[3] - p[0]);
-    let (ga, gb, gc) = (cross(&b, &c) * sixth, cross(&c, &a) * sixth, cross(&a, &b) * sixth);
+    let (ga, gb, gc) = (cross(&b, &c), cross(&c, &a), cross(&a, &b));
     [-(ga + gb + gc), ga, gb, gc]
 }
 
@@ -44,13 +50,15 @@ pub fn project_volume<T: Real>(
     least_divisor: T,
     stiffness: T,
 ) -> [Vector3<T>; 4] {
-    let gradients = volume_gradients(positions);
-    let volume = dot(&gradients[3], &(positions[3] - positions[0]));
+    let gradients = product_gradients(positions);
+    let product = dot(&gradients[3], &(positions[3] - positions[0]));
     let mut divisor = inverse_masses[0] * dot(&gradients[0], &gradients[0]);
     for corner in 1..4 {
         divisor += inverse_masses[corner] * dot(&gradients[corner], &gradients[corner]);
     }
-    let scale = (stiffness * (volume - rest_volume) / divisor).where_above(divisor, least_divisor);
+    let six = rest_volume.constant(6.0);
+    let least = least_divisor * rest_volume.constant(36.0);
+    let scale = (stiffness * (product - six * rest_volume) / divisor).where_above(divisor, least);
     let mut steps = gradients;
     for corner in 0..4 {
         steps[corner] *= -(scale * inverse_masses[corner]);
