@@ -209,8 +209,7 @@ impl PbdSkin {
             let mut scratch = self.take_scratch();
             let PoseScratch { islands, plain, solved, surface } = &mut scratch;
             let mut stats = self.solve_islands(transforms, islands);
-            let mut rest = RestSpaceOffsets::zero(self.rest.len());
-            if stats.active_islands > 0 {
+            let rest = if stats.active_islands > 0 {
                 let skinning_begin = Instant::now();
                 plain.resize(self.rest.len(), Vec3::ZERO);
                 skinning.all_into(vertices.unwrap_or(&self.rest), &self.weights, plain);
@@ -222,9 +221,12 @@ impl PbdSkin {
                 for (vertex, (solved, plain)) in solved.iter_mut().zip(plain).enumerate() {
                     *solved = (*solved - *plain) * shares.map_or(1.0, |shares| shares[vertex]);
                 }
-                rest = to_rest_space(&skinning, &self.weights, solved, shares);
+                let rest = to_rest_space(&skinning, &self.weights, solved, shares);
                 stats.milliseconds.surface = milliseconds(surface_begin);
-            }
+                rest
+            } else {
+                RestSpaceOffsets::zero(self.rest.len())
+            };
             stats.milliseconds.total = milliseconds(begin);
             self.give_scratch(scratch);
             SolvedOffsets { offsets: rest.offsets, limited: rest.limited, stats }

@@ -31,6 +31,8 @@ pub(super) struct StartState {
     bends: Vec<(u32, u32, f32)>,
     /// Where dual quaternions put each particle, and its way from there towards linear blending.
     places: Vec<(Vec3, Vec3)>,
+    /// True for particles that have such a way.
+    sinks: Vec<bool>,
     /// Share of that way that it goes.
     shares: Vec<f32>,
     /// Tetrahedra that let their corners go a share of the way only.
@@ -90,19 +92,21 @@ impl StartState {
 
     /// Lets no tetrahedron shrink far on the way towards linear blending.
     fn limit(&mut self, island: &Island) {
-        let Self { bends, places, shares, limits } = self;
+        let Self { bends, places, sinks, shares, limits } = self;
         shares.clear();
         shares.resize(places.len(), 1.0);
         limits.clear();
         if bends.is_empty() {
             return;
         }
+        sinks.clear();
+        sinks.extend(places.iter().map(|&(_, sinking)| sinking != Vec3::ZERO));
         let least = LEAST_START_VOLUME * island.rest_volume;
         let limit_of = |corners: &[u32; 4]| {
-            let places = corners.map(|corner| places[corner as usize]);
-            if places.iter().all(|&(_, sinking)| sinking == Vec3::ZERO) {
+            if !corners.iter().any(|&corner| sinks[corner as usize]) {
                 return None;
             }
+            let places = corners.map(|corner| places[corner as usize]);
             let volume = |share: f32| {
                 signed_volume(
                     places.map(|(place, sinking)| Vector3::from((place + sinking * share).to_array())),
