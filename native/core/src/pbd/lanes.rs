@@ -107,8 +107,8 @@ impl Lanes for Portable {
         inverse_mass: f32x4,
     ) {
         let rows = f32x4::transpose([position.x, position.y, position.z, inverse_mass]);
-        for lane in 0..4 {
-            batch.set(corner, 4 * part + lane, rows[lane]);
+        for (lane, row) in rows.into_iter().enumerate() {
+            batch.set(corner, 4 * part + lane, row);
         }
     }
 

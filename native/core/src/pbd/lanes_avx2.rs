@@ -83,8 +83,8 @@ impl Lanes for Avx2 {
         inverse_mass: Eight,
     ) {
         let rows = self.transposed([position.x.0, position.y.0, position.z.0, inverse_mass.0]);
-        for lane in 0..4 {
-            let [low, high] = cast::<__m256, [Particle; 2]>(rows[lane]);
+        for (lane, row) in rows.into_iter().enumerate() {
+            let [low, high] = cast::<__m256, [Particle; 2]>(row);
             batch.set(corner, lane, low);
             batch.set(corner, lane + 4, high);
         }
