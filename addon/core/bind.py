@@ -10,11 +10,11 @@ from typing import Literal
 import numpy as np
 from dermis_native import Cancelled, DermisError, Progress, TriangleMesh, bind_weights
 
-from .background import BackgroundTask
 from .bones import native_skeleton
 from .character import BoneWeights, Flags, Integers, Surface, Target
 from .errors import InputError, counted, listed
 from .merge import MergeSettings, check_totals, merge_weights
+from .native_task import NativeTask
 from .parts import check_part_vertices, parts_argument
 
 Method = Literal["volumetric", "paper"]
@@ -63,37 +63,25 @@ def check_bind(targets: Sequence[Target]) -> None:
             raise InputError(f"No vertex of '{target.name}' is selected.")
 
 
-class BindTask(BackgroundTask[list[BoundWeights]]):
+class BindTask(NativeTask[list[BoundWeights]]):
     """Binds meshes to the bones of one armature.
 
     Bad input raises at once, in the constructor. The thread touches nothing but its arrays.
     """
 
     def __init__(self, targets: Sequence[Target], settings: BindSettings) -> None:
-        super().__init__("dermis-bind")
         check_bind(targets)
         check_part_vertices(settings.parts, targets)
         self._bodies = [list(targets)] if settings.together else [[target] for target in targets]
         self._settings = settings
-        self._progress = [Progress() for _ in self._bodies]
-        self._current = 0
-
-    def cancel(self) -> None:
-        """Ask the thread to stop soon; `result` then raises `dermis_native.Cancelled`."""
-        for progress in self._progress:
-            progress.cancel()
-
-    @property
-    def fraction(self) -> float:
-        """Share of the work done, 0 to 1."""
-        return sum(progress.fraction for progress in self._progress) / max(len(self._progress), 1)
+        super().__init__("dermis-bind", len(self._bodies))
 
     @property
     def stage(self) -> str:
         """What is being done now."""
         current = min(self._current, len(self._progress) - 1)
         prefix = f"{self._bodies[current][0].name}: " if len(self._bodies) > 1 else ""
-        return prefix + self._progress[current].stage
+        return prefix + super().stage
 
     def work(self) -> list[BoundWeights]:
         """One result for each mesh."""

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from dermis_native import Cancelled, DermisError, Progress, TriangleMesh, fit_skeleton
 
-from .background import BackgroundTask
 from .bind import joined_surface
 from .bones import native_skeleton
 from .character import Bones, Flags, Floats, Surface
 from .errors import InputError, counted, listed, sentence
+from .native_task import NativeTask
 
 # Below this the result is reported as a warning.
 GOOD_SCORE = 0.5
@@ -77,7 +77,7 @@ class FittedBones:
     message: str
 
 
-class FitTask(BackgroundTask[FittedBones]):
+class FitTask(NativeTask[FittedBones]):
     """Fits one template to one body; symmetric is None to decide from both.
 
     Bad input raises at once, in the constructor. The thread touches nothing but its arrays.
@@ -88,25 +88,10 @@ class FitTask(BackgroundTask[FittedBones]):
         template.check()
         body.check()
         self._template, self._body, self._symmetric = template, body, symmetric
-        self._progress = Progress()
-
-    def cancel(self) -> None:
-        """Ask the thread to stop soon; `result` then raises `dermis_native.Cancelled`."""
-        self._progress.cancel()
-
-    @property
-    def fraction(self) -> float:
-        """Share of the work done, 0 to 1."""
-        return self._progress.fraction
-
-    @property
-    def stage(self) -> str:
-        """What is being done now."""
-        return self._progress.stage
 
     def work(self) -> FittedBones:
         """The fitted bones."""
-        return fit_bones(self._template, self._body, self._symmetric, self._progress)
+        return fit_bones(self._template, self._body, self._symmetric, self._progress[0])
 
 
 def fit_bones(template: Template, body: Body, symmetric: bool | None, progress: Progress) -> FittedBones:

@@ -6,11 +6,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dermis_native import Cancelled, Progress
+from dermis_native import Cancelled
 
-from .background import BackgroundTask
 from .character import Source, Target
 from .mirror import left_shares, mirrored_source
+from .native_task import NativeTask
 from .parts import check_part_vertices
 from .retarget import (
     FoundWeights,
@@ -25,14 +25,13 @@ from .retarget import (
 from .seams import close_seams
 
 
-class RetargetTask(BackgroundTask[list[TargetWeights]]):
+class RetargetTask(NativeTask[list[TargetWeights]]):
     """Retargets one source to several targets, one after the other.
 
     Bad input raises at once, in the constructor. The thread touches nothing but its arrays.
     """
 
     def __init__(self, source: Source, targets: Sequence[Target], settings: RetargetSettings) -> None:
-        super().__init__("dermis-retarget")
         check_source(source)
         check_part_vertices(settings.parts, targets)
         for target in targets:
@@ -43,27 +42,15 @@ class RetargetTask(BackgroundTask[list[TargetWeights]]):
         self._mirrored = source if settings.mirror == "none" else mirrored_source(source)
         self._targets = tuple(targets)
         self.settings = settings
-        self._progress = [Progress() for _ in self._targets for _ in range(settings.runs)]
-        self._current = 0
-
-    def cancel(self) -> None:
-        """Ask the thread to stop soon; `result` then raises `dermis_native.Cancelled`."""
-        for progress in self._progress:
-            progress.cancel()
-
-    @property
-    def fraction(self) -> float:
-        """Share of the work done, 0 to 1."""
-        return sum(progress.fraction for progress in self._progress) / max(len(self._progress), 1)
+        super().__init__("dermis-retarget", len(self._targets) * settings.runs)
 
     @property
     def stage(self) -> str:
         """What is being done now."""
         current = min(self._current, len(self._progress) - 1)
-        stage = self._progress[current].stage
         target = self._targets[current // self.settings.runs]
         prefix = f"{target.name}: " if len(self._targets) > 1 else ""
-        return prefix + stage
+        return prefix + super().stage
 
     def work(self) -> list[TargetWeights]:
         """One result for each target."""

@@ -7,7 +7,7 @@ use dermis::linalg::{
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 
-use crate::surfaces::{bits, both, dense, laplacian, noise, on_threads, sphere, torus};
+use crate::surfaces::{bits, both, dense, laplacian, noise, on_threads, patterns, sphere, torus};
 
 fn factor(matrix: &SymmetricMatrix) -> Cholesky {
     Cholesky::factor(&SymbolicCholesky::new(matrix).unwrap(), matrix).unwrap()
@@ -60,16 +60,8 @@ fn several_components_and_masses_of_either_sign_work() {
 
 proptest! {
     #[test]
-    fn random_patterns_match_a_dense_inverse(size in 1_usize..40, edges in prop::collection::vec((0_usize..40, 0_usize..40, 0.1..2.0_f64), 0..80)) {
-        let mut triplets: Vec<_> = (0..size).map(|at| (at, at, 0.05)).collect();
-        for (a, b, weight) in edges {
-            let (a, b) = (a % size, b % size);
-            if a != b {
-                triplets.extend([(a, b, -weight), (a, a, weight), (b, b, weight)]);
-            }
-        }
-        let matrix = SymmetricMatrix::from_triplets(size, &triplets).unwrap();
-        let mass: Vec<f64> = (0..size).map(|at| 1.5 + noise(at)).collect();
+    fn random_patterns_match_a_dense_inverse(matrix in patterns()) {
+        let mass: Vec<f64> = (0..matrix.size()).map(|at| 1.5 + noise(at)).collect();
         let (inverse, product) = oracle(&matrix, &mass);
         let cholesky = factor(&matrix);
         prop_assert!(largest_relative_error(&diagonal_of_inverse(&cholesky), &inverse) < 1e-10);

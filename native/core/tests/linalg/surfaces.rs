@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 
 use dermis::linalg::SymmetricMatrix;
 use nalgebra::{DMatrix, DVector, Vector3};
+use proptest::prelude::*;
 
 pub(crate) struct Surface {
     pub(crate) vertices: Vec<Vector3<f64>>,
@@ -122,4 +123,19 @@ pub(crate) fn noise(index: usize) -> f64 {
 
 pub(crate) fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|value| value.to_bits()).collect()
+}
+
+/// Positive definite matrices of random patterns, up to 40 rows.
+pub(crate) fn patterns() -> impl Strategy<Value = SymmetricMatrix> {
+    let edges = prop::collection::vec((0_usize..40, 0_usize..40, 0.1..2.0_f64), 0..80);
+    (1_usize..40, edges).prop_map(|(size, edges)| {
+        let mut triplets: Vec<_> = (0..size).map(|at| (at, at, 0.05)).collect();
+        for (a, b, weight) in edges {
+            let (a, b) = (a % size, b % size);
+            if a != b {
+                triplets.extend([(a, b, -weight), (a, a, weight), (b, b, weight)]);
+            }
+        }
+        SymmetricMatrix::from_triplets(size, &triplets).unwrap()
+    })
 }
