@@ -76,6 +76,16 @@ def test_bodies_of_other_proportions_and_rest_poses(name):
         assert characters.misplaced(pair.target, dense).mean() <= 0.002
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_bodies_of_few_triangles(seed):
+    """Most vertices of a coarse body are those of its head; its fingers are prisms."""
+    target = characters.remeshed(characters.random_body(50 + seed + 1), 1200)
+    pair = characters.Pair(characters.random_body(50 + seed), target, target)
+    dense = check(run(pair), len(target.vertices))
+    assert characters.l1_error(dense, target.weights).mean() <= 0.13
+    assert characters.misplaced(target, dense).mean() <= 0.01
+
+
 @pytest.mark.parametrize("name", SHARED_BOUNDS)
 def test_characters_painted_by_other_hands(name):
     make = characters.shared_pairs().get(name)

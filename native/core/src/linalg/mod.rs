@@ -5,6 +5,7 @@
 //! function of its arguments: the same input gives the same bits on any number of threads.
 
 pub mod cholesky;
+pub mod conjugate_gradients;
 mod dense;
 pub mod eigen;
 pub mod error;
@@ -20,6 +21,7 @@ mod tall;
 mod triangular;
 
 pub use cholesky::{Cholesky, SymbolicCholesky, negative_eigenvalue_count};
+pub use conjugate_gradients::{Ending, conjugate_gradients};
 pub use eigen::{Eigenpairs, smallest_eigenpairs};
 pub use error::LinalgError;
 pub use selected_inverse::{diagonal_of_inverse, diagonal_of_inverse_mass_inverse};

@@ -14,7 +14,7 @@ use super::marks::{Anchor, Constraint};
 use super::ray_marks::{RayMark, ray_marks};
 use super::rejection::RejectionSettings;
 use super::shell::Shell;
-use super::similarity::{POINTS, distance_to, similar};
+use super::similarity::{POINTS, distances_to, similar};
 use super::sliding::{lengths, slide};
 use super::surface_sample::samples;
 use super::surface_weights::take_over;
@@ -29,13 +29,17 @@ use crate::spectral::SpectralError;
 /// What a landmark of the user weighs; automatic ones weigh some tens.
 const USER_WEIGHT: f64 = 3000.0;
 
-/// The source fits as a whole where the surfaces then lie within this share of the extent and the
-/// alignment of the skeletons does not bring them nearer by
+/// The source fits as a whole where almost all of the surfaces, by area, then lies within this share of
+/// the extent and the alignment of the skeletons does not bring them nearer by
 const COINCIDE: f64 = 0.003;
+const ALMOST_ALL: f64 = 0.95;
 /// this factor,
 const MUST_SHRINK: f64 = 0.5;
-/// or where both have one skeleton and lie within this share: a garment on its wearer.
+/// or where both have one skeleton and half of the area lies within this share: a garment on its wearer.
 const WORN: f64 = 0.01;
+
+/// Joints off by this share of the extent may feign the turn of a bone.
+const FEIGNED: f64 = 0.0125;
 
 /// Share of the progress after which the skeletons are aligned,
 const ALIGNED: f64 = 0.32;
@@ -187,14 +191,15 @@ fn as_a_whole(
     let of_source = samples(alignment.source.mesh, alignment.skeleton, |_| Some(0), POINTS);
     let of_target = samples(target.mesh, given, |_| Some(0), POINTS);
     let of_source = (alignment.source.mesh.vertices(), of_source.as_slice());
-    let of_target = (target.mesh.vertices(), of_target.as_slice());
+    let of_target = (target.mesh, of_target.as_slice());
     progress.begin("Comparing the surfaces", 0.0, 0.12)?;
     let (moved, one_skeleton) = similar(of_source, rigs, alignment.takes_part, target, progress)?;
     let whole = weighted_surface(moved, alignment).map_err(on_source)?;
     let whole_query = SurfaceQuery::new(&whole).map_err(on_source)?;
-    let left = distance_to(warped, of_target, [0.6, 0.8], progress)?;
-    let off = distance_to(&whole_query, of_target, [0.8, 1.0], progress)?;
-    let worn = one_skeleton && off <= WORN * target.shell.extent;
+    let left = distances_to(warped, of_target, [0.6, 0.8], progress)?.below(ALMOST_ALL);
+    let off = distances_to(&whole_query, of_target, [0.8, 1.0], progress)?;
+    let worn = one_skeleton && off.below(0.5) <= WORN * target.shell.extent;
+    let off = off.below(ALMOST_ALL);
     let coincide = off <= COINCIDE * target.shell.extent && left >= MUST_SHRINK * off;
     Ok((worn || coincide).then_some((whole, worn)))
 }
@@ -220,7 +225,8 @@ fn on_target(
         // Refined joints serve the fit; the given ones tell the pose.
         let (rig, none) = (alignment.skeleton, vec![0.0; alignment.skeleton.bone_count()]);
         let pose = Warp::new(rig, given_skeleton, alignment.takes_part, &none, &none);
-        let posed = pose.repose(rig, on_source.0.vertices(), on_source.1);
+        let error = FEIGNED * alignment.source.shell.extent;
+        let posed = pose.repose(rig, error, on_source.0.vertices(), on_source.1);
         (posed, lengths(on_source, alignment.skeleton, &stay, share))
     });
     let mesh = registered(warped, &marks, slides, target, progress)?;

@@ -10,7 +10,8 @@
 //! A garment has no inside for its bones, and no bind says anything of it: there the match decides.
 //!
 //! How far apart the shapes are is measured after the alignment: the distance left between the
-//! surfaces relative to the limb's radius, as is usual for the bones of the pair.
+//! surfaces relative to the limb's radius, bone by bone, and of the bones the median by area. Most bones
+//! of a hand are fingers, which on a coarse body are prisms, and say little of its shape.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -73,12 +74,36 @@ pub(super) fn difference(
             radius[bone].push(distance_to_segment(point, head, tail));
         }
     }
-    let relative = left
-        .into_iter()
-        .zip(radius)
-        .filter_map(|(left, radius)| Some(median(left)? / median(radius).filter(|r| *r > 0.0)?));
-    let usual = median(relative.collect()).unwrap_or(0.0);
+    let relative =
+        left.into_iter().zip(radius).zip(areas_of_bones(alignment)).filter_map(|((left, radius), area)| {
+            Some((median(left)? / median(radius).filter(|r| *r > 0.0)?, area))
+        });
+    let usual = median_by_area(relative.collect());
     Difference { share: step(ALIKE, DIFFERENT, usual), trust: 1.0 - step(DIFFERENT, DOUBTED, usual) }
+}
+
+/// Area of the source's surface by each vertex's largest weight (B).
+fn areas_of_bones(alignment: &Alignment<'_>) -> Vec<f64> {
+    let mesh = alignment.source.mesh;
+    let mut areas = vec![0.0; alignment.takes_part.len()];
+    for (t, triangle) in mesh.triangles().iter().enumerate() {
+        let share = mesh.area_vector(t).length() / 6.0;
+        let bones = triangle.iter().filter_map(|&v| largest_bone(alignment.weights, v as usize));
+        bones.for_each(|bone| areas[bone as usize] += share);
+    }
+    areas
+}
+
+/// The value that half of the area, the second entries, lies below; 0 without any.
+fn median_by_area(mut values: Vec<(f64, f64)>) -> f64 {
+    values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let half = 0.5 * values.iter().map(|(_, area)| area).sum::<f64>();
+    let mut below = 0.0;
+    let found = values.iter().find(|(_, area)| {
+        below += area;
+        below >= half
+    });
+    found.map_or(0.0, |(value, _)| *value)
 }
 
 /// Smooth step from 0 at `from` to 1 at `to`.
@@ -161,9 +186,8 @@ impl Differing {
         let trust = self.trust(to);
         let row = |v: usize| {
             let (own, bound, at_match) = (row_of(&matched, v), &bound.target[v], row_of(&at_match, v));
-            let trust = self.difference.trust
-                * trust[v]
-                * (1.0 - 0.5 * spread(bound, [&at_match].into_iter()).min(2.0));
+            let off = spread(bound, [&at_match].into_iter()).min(2.0);
+            let trust = self.difference.trust * trust[v] * (1.0 - 0.5 * off);
             let explained = [(bound, 1.0), (&own, trust), (&at_match, -trust)];
             (own.clone(), normalized(blend(explained.into_iter())))
         };
@@ -263,4 +287,18 @@ fn has_bone(part: &PartShape, body: Option<&WindingNumber>, target: Side<'_>, ta
         let looks = LOOKS.map(|share| head.lerp(tail, share));
         (is_joint && is_own(head)) || 2 * looks.into_iter().filter(|&p| is_own(p)).count() > LOOKS.len()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_by_area_is_that_of_the_large_bones() {
+        let fingers = (0..15).map(|k| (0.2 + 0.01 * f64::from(k), 0.01));
+        let limbs = [(0.05, 0.5), (0.03, 0.4), (0.06, 0.7)];
+        assert_eq!(median_by_area(fingers.chain(limbs).collect()), 0.05);
+        assert_eq!(median_by_area(vec![(0.3, 1.0)]), 0.3);
+        assert_eq!(median_by_area(Vec::new()), 0.0);
+    }
 }

@@ -21,6 +21,7 @@ mod landmarks;
 mod loose_parts;
 mod mapped;
 mod marks;
+mod match_neighbours;
 mod matching;
 mod paper;
 pub mod part_shapes;

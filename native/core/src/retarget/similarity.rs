@@ -8,7 +8,7 @@ use super::icp::Surroundings;
 use super::rigid_fit::rigid_fit;
 use super::shell::median;
 use super::surface_sample::Sample;
-use crate::mesh::SurfaceQuery;
+use crate::mesh::{SurfaceQuery, TriangleMesh};
 use crate::parallel::map_indices;
 use crate::progress::{Cancelled, Progress};
 use crate::rig::Skeleton;
@@ -89,28 +89,56 @@ fn fit(pairs: &[Pair], points: &mut [DVec3]) -> f64 {
     (pairs.iter().map(|pair| pair.2 * place(pair.0).distance_squared(pair.1)).sum::<f64>() / count).sqrt()
 }
 
-/// Median distance of the target's vertices, for which `samples` stand, to a surface.
+/// How far the points of a surface lie from another one.
+pub(super) struct Distances {
+    /// Ascending, each with the area that it stands for.
+    of_areas: Vec<(f64, f64)>,
+}
+
+impl Distances {
+    /// The distance below which a share of the area lies. Not of the vertices: of a coarse body most of
+    /// them make up the head.
+    pub(super) fn below(&self, share: f64) -> f64 {
+        let total: f64 = self.of_areas.iter().map(|(_, area)| area).sum();
+        let mut below = 0.0;
+        let found = self.of_areas.iter().find(|(_, area)| {
+            below += area;
+            below > share * total
+        });
+        found.or(self.of_areas.last()).map_or(f64::INFINITY, |(distance, _)| *distance)
+    }
+}
+
+/// Distances of the target's vertices, for which `samples` stand, to a surface.
 ///
 /// # Errors
 /// [`Cancelled`] when `progress` was cancelled.
-pub(super) fn distance_to(
+pub(super) fn distances_to(
     query: &SurfaceQuery,
-    (vertices, samples): (&[DVec3], &[Sample]),
+    (mesh, samples): (&TriangleMesh, &[Sample]),
     shares: [f64; 2],
     progress: &Progress,
-) -> Result<f64, Cancelled> {
+) -> Result<Distances, Cancelled> {
     let found = map_indices(samples.len(), progress, shares, |at, (): &mut ()| {
-        let point = vertices[samples[at].vertex as usize];
+        let point = mesh.vertices()[samples[at].vertex as usize];
         query.closest_point(point).map_or(f64::INFINITY, |closest| closest.distance)
     })?;
-    Ok(median(found))
+    let mut areas = vec![0.0; mesh.vertex_count()];
+    for (t, triangle) in mesh.triangles().iter().enumerate() {
+        let share = mesh.area_vector(t).length() / 6.0;
+        triangle.iter().for_each(|&v| areas[v as usize] += share);
+    }
+    let area = |sample: &Sample| sample.count * areas[sample.vertex as usize];
+    let mut of_areas: Vec<(f64, f64)> = found.into_iter().zip(samples.iter().map(area)).collect();
+    of_areas.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    Ok(Distances { of_areas })
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::shell::Shell;
     use super::*;
-    use crate::mesh::test_surfaces::{mapped, similarity, tube};
+    use crate::mesh::test_surfaces::{icosphere, joined, mapped, similarity, tube};
 
     #[test]
     fn joints_that_agree_tell_the_place_and_others_are_corrected() {
@@ -137,5 +165,18 @@ mod tests {
             let worst = found.iter().map(|p| query.closest_point(*p).unwrap().distance).fold(0.0, f64::max);
             assert!(worst < tolerance * 3.0, "{worst}");
         }
+    }
+
+    #[test]
+    fn areas_count_and_not_vertices() {
+        // A fine ball on the other surface and a coarse one of the same size that is away from it.
+        let (fine, coarse) = (icosphere(4), mapped(&icosphere(1), |p| p + DVec3::X * 5.0));
+        let both = joined(&fine, &coarse);
+        let samples: Vec<Sample> =
+            (0..both.vertex_count() as u32).map(|vertex| Sample { vertex, count: 1.0 }).collect();
+        let query = SurfaceQuery::new(&fine).unwrap();
+        let found = distances_to(&query, (&both, &samples), [0.0, 1.0], &Progress::new()).unwrap();
+        assert!(found.below(0.4) < 1e-9 && found.below(0.6) > 2.0, "{}", found.below(0.6));
+        assert!(found.below(1.0) > 4.0);
     }
 }

@@ -3,7 +3,7 @@
 //! Every bone has one affine map: along the bone it stretches by the ratio of lengths, across and
 //! beyond its ends by the ratio of girths. A vertex is moved by its own weights' blend of them.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 
 use super::bone_rotations::bone_rotations;
@@ -100,18 +100,30 @@ impl Warp {
     }
 
     /// Where the vertices go by the turns of the bones alone: the source, as long and as thick as it is,
-    /// in the aligned skeleton's pose. `source` is its skeleton.
-    pub(super) fn repose(&self, source: &Skeleton, vertices: &[DVec3], weights: &SkinWeights) -> Vec<DVec3> {
+    /// in the aligned skeleton's pose. `source` is its skeleton. A turn that joints may feign which are
+    /// off by `error`, in the source's unit, is shape and no pose.
+    pub(super) fn repose(
+        &self,
+        source: &Skeleton,
+        error: f64,
+        vertices: &[DVec3],
+        weights: &SkinWeights,
+    ) -> Vec<DVec3> {
         let mut heads = source.heads().to_vec();
+        let mut turns: Vec<DQuat> = self.bones.iter().map(|bone| DQuat::from_mat3(&bone.rotation)).collect();
+        let wholly = turns.clone();
         for &bone in source.depth_order() {
-            if let Some(parent) = source.parents()[bone as usize].map(|parent| parent as usize) {
-                let offset = source.heads()[bone as usize] - source.heads()[parent];
-                heads[bone as usize] = heads[parent] + self.bones[parent].rotation * offset;
+            let b = bone as usize;
+            if let Some(parent) = source.parents()[b].map(|parent| parent as usize) {
+                let own = wholly[parent].inverse() * wholly[b];
+                let feigned = error / source.length(b);
+                let sure = (own.angle_between(DQuat::IDENTITY) / feigned - 1.0).clamp(0.0, 1.0);
+                turns[b] = turns[parent] * DQuat::IDENTITY.slerp(own, sure);
+                let offset = source.heads()[b] - source.heads()[parent];
+                heads[b] = heads[parent] + turns[parent] * offset;
             }
         }
-        let turn = |bone: usize, point: DVec3| {
-            heads[bone] + self.bones[bone].rotation * (point - source.heads()[bone])
-        };
+        let turn = |bone: usize, point: DVec3| heads[bone] + turns[bone] * (point - source.heads()[bone]);
         blended(vertices, weights, turn)
     }
 }
@@ -174,9 +186,13 @@ mod tests {
         let aligned = skeleton(&[DVec3::Z, DVec3::Z + DVec3::X * 3.0, DVec3::new(3.0, 5.0, 1.0)]);
         let warp = Warp::new(&source, &aligned, &[true; 2], &[2.0; 2], &[0.0; 2]);
         let weights = SkinWeights::from_dense(&[1.0, 0.0, 0.0, 1.0], 2).unwrap();
-        let moved = warp.repose(&source, &[DVec3::new(0.5, 0.2, 0.3), DVec3::new(1.5, 0.2, 0.3)], &weights);
+        let vertices = [DVec3::new(0.5, 0.2, 0.3), DVec3::new(1.5, 0.2, 0.3)];
+        let moved = warp.repose(&source, 0.1, &vertices, &weights);
         assert!(moved[0].abs_diff_eq(DVec3::new(0.5, 0.2, 0.3), 1e-12), "{}", moved[0]);
         assert!(moved[1].abs_diff_eq(DVec3::new(0.8, 0.5, 0.3), 1e-12), "{}", moved[1]);
+        // Joints so uncertain may feign even a right angle.
+        let moved = warp.repose(&source, 2.0, &vertices, &weights);
+        assert!(moved.iter().zip(&vertices).all(|(a, b)| a.abs_diff_eq(*b, 1e-12)));
     }
 
     #[test]
