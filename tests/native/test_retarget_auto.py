@@ -212,6 +212,18 @@ def test_a_flipped_target_is_the_same_target():
     assert (np.abs(flipped - plain).sum(axis=1) > 1e-3).mean() <= 0.01
 
 
+def test_a_mirrored_target_gets_the_weights_of_its_own_image():
+    """A negative scale that was applied: left bones lie on the right, and triangles face inwards."""
+    source, weights, target, skeletons, _ = adult_and_child()
+    plain = retarget_weights(source, weights, target, **skeletons).weights.to_dense()
+    mirror = np.array([-1.0, 1.0, 1.0])
+    bones = skeletons["target_skeleton"]
+    mirrored = Skeleton(bones.heads * mirror, bones.tails * mirror, bones.parents, bones.names)
+    image = TriangleMesh(target.vertices * mirror, target.triangles)
+    found = retarget_weights(source, weights, image, **skeletons | {"target_skeleton": mirrored})
+    assert (np.abs(found.weights.to_dense() - plain).sum(axis=1) > 1e-3).mean() <= 0.01
+
+
 def test_loose_parts_and_points_get_weights():
     source, weights, target, skeletons, _ = adult_and_child()
     at = target.vertices[10]

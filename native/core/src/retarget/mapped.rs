@@ -4,6 +4,7 @@
 
 use super::auto::BOUND;
 use super::differing_shapes::{Differing, Side};
+use super::reflection::mirror_image;
 use super::unclaimed::Unclaimed;
 use super::{Character, Method, RetargetError, Retargeted, Settings, by_method, check_counts, pair_bones};
 use crate::mesh::TriangleMesh;
@@ -46,10 +47,17 @@ pub fn retarget_weights(
             &found
         }
     };
+    let carries_weight = source_weights.used_bones();
+    let image = match settings.method {
+        Method::Auto => mirror_image(target.mesh, (from, to), bone_map, &carries_weight)?,
+        Method::Paper => None,
+    };
+    let (mesh, to) = image.as_ref().map_or((target.mesh, to), |(mesh, skeleton)| (mesh, skeleton));
+    let target = Character { mesh, skeleton: Some(to) };
     let binds = unclaimed(bone_map, &vec![true; to.bone_count()], to).is_some();
     // A limit is of influences of the target's bones.
     let unlimited = Settings { max_influences: None, ..settings.clone() };
-    let (mut result, differing) = match pairs_that_agree(bone_map, &source_weights.used_bones(), from, to) {
+    let (mut result, differing) = match pairs_that_agree(bone_map, &carries_weight, from, to) {
         Some(pairs) => by_method(target, Some(&pairs), &unlimited, binds)?,
         None => {
             let aligned = bone_map.aligned_skeleton(from, to)?;

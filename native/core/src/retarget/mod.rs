@@ -28,6 +28,7 @@ pub mod part_shapes;
 pub mod part_weights;
 pub mod parts;
 mod ray_marks;
+mod reflection;
 pub mod rejection;
 mod rigid_fit;
 pub mod seams;

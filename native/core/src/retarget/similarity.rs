@@ -70,10 +70,10 @@ pub(super) fn similar(
 }
 
 /// Two points that belong together, and how much they count.
-type Pair = (DVec3, DVec3, f64);
+pub(super) type Pair = (DVec3, DVec3, f64);
 
 /// Moves points by the similarity that best fits pairs, and returns the root mean square error.
-fn fit(pairs: &[Pair], points: &mut [DVec3]) -> f64 {
+pub(super) fn fit(pairs: &[Pair], points: &mut [DVec3]) -> f64 {
     if pairs.is_empty() {
         return f64::INFINITY;
     }
