@@ -47,6 +47,7 @@ pub fn retarget_weights(
             &found
         }
     };
+    bone_map.check_skeletons(Some(from), to)?;
     let carries_weight = source_weights.used_bones();
     let image = match settings.method {
         Method::Auto => mirror_image(target.mesh, (from, to), bone_map, &carries_weight)?,

@@ -201,7 +201,12 @@ impl BoneMap {
         })
     }
 
-    fn check_skeletons(&self, source: Option<&Skeleton>, target: &Skeleton) -> Result<(), BoneMapError> {
+    /// Refuses skeletons with other numbers of bones than those that the map is of.
+    pub(crate) fn check_skeletons(
+        &self,
+        source: Option<&Skeleton>,
+        target: &Skeleton,
+    ) -> Result<(), BoneMapError> {
         let counts = [
             ("source", self.source_bone_count(), source.map(Skeleton::bone_count)),
             ("target", self.target_bone_count, Some(target.bone_count())),
