@@ -103,12 +103,12 @@ def test_an_arm_dents_the_trunk_instead_of_passing_into_it(person):
     apart = PbdSkin(mesh, skeleton, weights, self_collision=False)
     left = {}
     # The arm is sunk by less than its thickness; an arm right through a trunk passes as before.
-    for degrees in (45, 48):
+    for degrees in range(45, 50):
         pose = turned(skeleton, {"upperarm_l": [0, np.radians(degrees), 0]})
         left[degrees] = [len(crossing_pairs(s.solve(pose), triangles) - at_rest) for s in (apart, skin)]
     print(f"crossing pairs without and with contact: {left}")
     assert sum(without for without, _ in left.values()) > 50
-    assert sum(with_it for _, with_it in left.values()) <= 0.2 * sum(without for without, _ in left.values())
+    assert sum(with_it for _, with_it in left.values()) <= 0.15 * sum(without for without, _ in left.values())
 
 
 # Fast Projective Skinning (`bench/skin.py`): the share of a joint's volume that it keeps, and the crossing

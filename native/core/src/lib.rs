@@ -12,6 +12,7 @@
 
 pub mod cage;
 pub mod linalg;
+mod median;
 pub mod mesh;
 mod parallel;
 pub mod pbd;

@@ -1,6 +1,6 @@
 //! Conjugate gradients (Hestenes and Stiefel 1952) for operators that exist as a product only.
 //!
-//! Not faer's (0.24.4), which did not solve the systems of the tests below. Sums run in order, whatever
+//! Not faer's (0.24.4): called through a thin wrapper, it did not pass the tests below. Sums run in order, whatever
 //! the number of threads; the product may use all of them.
 
 use super::error::LinalgError;

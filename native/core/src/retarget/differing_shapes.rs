@@ -28,6 +28,7 @@ use super::shell::Shell;
 use super::unclaimed::Unclaimed;
 use super::{Origin, RetargetError};
 use crate::cage::WindingNumber;
+use crate::median::weighted_median;
 use crate::mesh::{Adjacency, Submesh, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::rig::{BoneMap, Skeleton, distance_to_segment};
@@ -78,7 +79,7 @@ pub(super) fn difference(
         left.into_iter().zip(radius).zip(areas_of_bones(alignment)).filter_map(|((left, radius), area)| {
             Some((median(left)? / median(radius).filter(|r| *r > 0.0)?, area))
         });
-    let usual = median_by_area(relative.collect());
+    let usual = weighted_median(relative.collect());
     Difference { share: step(ALIKE, DIFFERENT, usual), trust: 1.0 - step(DIFFERENT, DOUBTED, usual) }
 }
 
@@ -92,18 +93,6 @@ fn areas_of_bones(alignment: &Alignment<'_>) -> Vec<f64> {
         bones.for_each(|bone| areas[bone as usize] += share);
     }
     areas
-}
-
-/// The value that half of the area, the second entries, lies below; 0 without any.
-fn median_by_area(mut values: Vec<(f64, f64)>) -> f64 {
-    values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let half = 0.5 * values.iter().map(|(_, area)| area).sum::<f64>();
-    let mut below = 0.0;
-    let found = values.iter().find(|(_, area)| {
-        below += area;
-        below >= half
-    });
-    found.map_or(0.0, |(value, _)| *value)
 }
 
 /// Smooth step from 0 at `from` to 1 at `to`.
@@ -287,18 +276,4 @@ fn has_bone(part: &PartShape, body: Option<&WindingNumber>, target: Side<'_>, ta
         let looks = LOOKS.map(|share| head.lerp(tail, share));
         (is_joint && is_own(head)) || 2 * looks.into_iter().filter(|&p| is_own(p)).count() > LOOKS.len()
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_median_by_area_is_that_of_the_large_bones() {
-        let fingers = (0..15).map(|k| (0.2 + 0.01 * f64::from(k), 0.01));
-        let limbs = [(0.05, 0.5), (0.03, 0.4), (0.06, 0.7)];
-        assert_eq!(median_by_area(fingers.chain(limbs).collect()), 0.05);
-        assert_eq!(median_by_area(vec![(0.3, 1.0)]), 0.3);
-        assert_eq!(median_by_area(Vec::new()), 0.0);
-    }
 }

@@ -4,6 +4,7 @@
 use glam::{DMat3, DVec3};
 use nalgebra::{Matrix3, SymmetricEigen};
 
+use crate::median::weighted_median;
 use crate::rig::Skeleton;
 
 /// Heads and tails in a common frame: centred, and of extent 1.
@@ -33,25 +34,12 @@ fn middle_and_extent(skeleton: &Skeleton) -> (DVec3, f64) {
     let weights: Vec<f64> = lengths.iter().map(|length| length.max(least).max(1e-300)).collect();
     let points: Vec<DVec3> =
         skeleton.heads().iter().zip(skeleton.tails()).map(|(head, tail)| 0.5 * (*head + *tail)).collect();
-    let axis = |axis: usize| median(points.iter().map(|p| p[axis]).zip(weights.iter().copied()).collect());
+    let axis =
+        |axis: usize| weighted_median(points.iter().map(|p| p[axis]).zip(weights.iter().copied()).collect());
     let middle = DVec3::new(axis(0), axis(1), axis(2));
     let away = points.iter().map(|p| p.distance(middle)).zip(weights.iter().copied()).collect();
-    let extent = 2.0 * median(away);
+    let extent = 2.0 * weighted_median(away);
     (middle, if extent > 0.0 { extent } else { 1.0 })
-}
-
-/// Value below which half of the weight lies.
-fn median(mut values: Vec<(f64, f64)>) -> f64 {
-    values.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let half = 0.5 * values.iter().map(|value| value.1).sum::<f64>();
-    let mut below = 0.0;
-    for &(value, weight) in &values {
-        below += weight;
-        if below >= half {
-            return value;
-        }
-    }
-    0.0
 }
 
 /// Rotations that may take the target's axes to the source's: none, the other ways to name three
@@ -123,7 +111,7 @@ pub(super) fn mirror_axis(placed: &Placed) -> Option<(DVec3, f64)> {
     let heads = &placed.heads;
     let mut best: Option<(f64, DVec3, f64)> = None;
     for axis in DVec3::AXES {
-        let at = median(heads.iter().map(|p| (p.dot(axis), 1.0)).collect());
+        let at = weighted_median(heads.iter().map(|p| (p.dot(axis), 1.0)).collect());
         let off = |p: &DVec3| {
             let mirrored = *p + axis * (2.0 * (at - p.dot(axis)));
             heads.iter().map(|q| q.distance(mirrored)).fold(f64::INFINITY, f64::min)
