@@ -74,7 +74,7 @@ impl Cholesky {
                     row[lane] = vector[index];
                 }
             }
-            self.factor.solve(&mut rows, 1);
+            self.factor.solve(&mut rows);
             for (lane, vector) in vectors.chunks_exact_mut(size).enumerate() {
                 for (row, &index) in rows.iter().zip(original) {
                     vector[index] = row[lane];

@@ -76,7 +76,7 @@ pub fn smallest_eigenpairs(
     }
     let mut progress = Progress::new(progress);
     progress.report(0.0)?;
-    let problem = Problem { matrix: &scaled, null };
+    let problem = Problem { matrix: &scaled, null, area: mass.iter().sum() };
     let sparse = if size <= DENSE_SIZE || pairs > size / 4 {
         None
     } else {
@@ -114,6 +114,8 @@ impl<'a> Progress<'a> {
 pub(super) struct Problem<'a> {
     pub(super) matrix: &'a SymmetricMatrix,
     pub(super) null: Vec<Vec<f64>>,
+    /// The trace of M: the area of a surface.
+    pub(super) area: f64,
 }
 
 /// Eigenvalues and eigenvectors in blocks of eight, rows in the matrix's order.

@@ -73,11 +73,10 @@ impl BlockLanczos {
 
     /// Adds a random block, after `smooth` was applied to it. False when the whole space is
     /// spanned already.
-    pub(super) fn add_random_block(&mut self, smooth: impl Fn(&mut [Lanes])) -> bool {
-        let mut block: Block =
+    pub(super) fn add_random_block(&mut self, smooth: impl Fn(&[Lanes]) -> Block) -> bool {
+        let block: Block =
             (0..self.rows).map(|_| Lanes([0.0; WIDTH].map(|_| self.random.uniform()))).collect();
-        smooth(&mut block);
-        self.add_block(block)
+        self.add_block(smooth(&block))
     }
 
     /// Adds the space of a block. False when the whole space is spanned already.
@@ -87,12 +86,11 @@ impl BlockLanczos {
     }
 
     /// Applies the operator to the next block. False when the whole space is spanned.
-    pub(super) fn step(&mut self, operator: impl Fn(&mut [Lanes])) -> bool {
+    pub(super) fn step(&mut self, operator: impl Fn(&[Lanes]) -> Block) -> bool {
         let Some(source) = self.blocks.get(self.images.len()) else {
             return false;
         };
-        let mut image = source.clone();
-        operator(&mut image);
+        let image = operator(source);
         // An image meets only its own block and the one before, unless chains were mixed.
         let near = if self.several_starts { 0 } else { self.images.len().saturating_sub(1) };
         match self.join(image, near) {

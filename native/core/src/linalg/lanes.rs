@@ -58,6 +58,14 @@ impl Lanes {
         }
     }
 
+    /// `self -= factor · other`
+    #[inline(always)]
+    pub(super) fn subtract_scaled(&mut self, factor: f64, other: &Self) {
+        for (own, other) in self.0.iter_mut().zip(&other.0) {
+            *own -= factor * other;
+        }
+    }
+
     /// `self *= factor`
     #[inline(always)]
     pub(super) fn scale(&mut self, factor: f64) {

@@ -123,20 +123,31 @@ impl LdlFactor {
         sizes
     }
 
-    /// Applies the inverse `times` times to eight vectors; rows are in permuted order.
-    pub(super) fn solve(&self, block: &mut [Lanes], times: usize) {
-        if times == 0 {
-            return;
-        }
-        let mut owed = self.subtrees(block, |mut part| part.forward());
-        for round in 1..=times {
-            let known = self.solve_top(block, &owed);
-            owed = self.subtrees(block, |mut part| {
-                part.backward(&known[part.at]);
-                // The next solve begins where this one ends, while the factor is in the cache.
-                if round < times { part.forward() } else { Vec::new() }
-            });
-        }
+    /// Applies the inverse to eight vectors; rows are in permuted order.
+    pub(super) fn solve(&self, block: &mut [Lanes]) {
+        let owed = self.subtrees(block, |mut part| part.forward());
+        let known = self.solve_top(block, &owed);
+        self.subtrees(block, |mut part| part.backward(&known[part.at]));
+    }
+
+    /// `X (X − root) block` for the inverse X of the matrix; rows are in permuted order.
+    pub(super) fn solve_twice(&self, block: &[Lanes], root: f64) -> Block {
+        let mut image = block.to_vec();
+        let owed = self.subtrees(&mut image, |mut part| part.forward());
+        let known = self.solve_top(&mut image, &owed);
+        let top = self.symbolic.schedule.top.iter().flat_map(|&supernode| self.symbolic.columns(supernode));
+        top.for_each(|row| image[row].subtract_scaled(root, &block[row]));
+        // The second solve begins where the first one ends, while the factor is in the cache.
+        let owed = self.subtrees(&mut image, |mut part| {
+            part.backward(&known[part.at]);
+            for (row, before) in part.own.iter_mut().zip(&block[part.subtree.columns.clone()]) {
+                row.subtract_scaled(root, before);
+            }
+            part.forward()
+        });
+        let known = self.solve_top(&mut image, &owed);
+        self.subtrees(&mut image, |mut part| part.backward(&known[part.at]));
+        image
     }
 
     /// Both passes over the supernodes above the subtrees. Takes what each subtree owes to the
@@ -157,7 +168,7 @@ impl LdlFactor {
     }
 
     /// Runs `work` on every subtree and its rows, side by side.
-    fn subtrees(&self, block: &mut [Lanes], work: impl Fn(Part) -> Block + Send + Sync) -> Vec<Block> {
+    fn subtrees<T: Send>(&self, block: &mut [Lanes], work: impl Fn(Part) -> T + Send + Sync) -> Vec<T> {
         let mut rest = block;
         let mut start = 0;
         let mut parts = Vec::with_capacity(self.symbolic.schedule.subtrees.len());
@@ -182,7 +193,7 @@ struct Part<'a> {
 }
 
 impl Part<'_> {
-    /// Solves with L; returns what the subtree owes to the rows above it.
+    /// Solves with L D; returns what the subtree owes to the rows above it.
     fn forward(&mut self) -> Block {
         let mut owed = vec![Lanes::ZERO; self.subtree.outside.len()];
         vectorized(Forward {
@@ -195,7 +206,7 @@ impl Part<'_> {
         owed
     }
 
-    /// Solves with D Lᵀ, given the solution in the rows above.
+    /// Solves with Lᵀ, given the solution in the rows above.
     fn backward(&mut self, known: &[Lanes]) {
         vectorized(Backward {
             factor: self.factor,

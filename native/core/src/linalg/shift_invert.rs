@@ -1,8 +1,11 @@
 //! Shift-invert block Lanczos iteration for the smallest eigenpairs.
 //!
-//! The part of the spectrum of B next to a shift σ is the dominant one of (B − σ)⁻¹ (Ericsson &
-//! Ruhe 1980; Grimes, Lewis & Simon 1994). The iteration ends when enough pairs have converged,
+//! The part of the spectrum of B next to a shift σ is the dominant one of X = (B − σ)⁻¹ (Ericsson &
+//! Ruhe 1980; Grimes, Lewis & Simon 1994). The iteration runs on X (X − ρ), whose parabola leaves
+//! the eigenvalues of X between 0 and ρ, the unwanted ones, below zero. The iteration ends when enough pairs have converged,
 //! are followed by a gap, and are as many as the inertia of B minus a shift in that gap says.
+
+use rayon::prelude::*;
 
 use super::cholesky::{Cholesky, SymbolicCholesky, factor_indefinite, negative_pivots};
 use super::eigen::{Problem, Progress, Solution};
@@ -10,17 +13,17 @@ use super::error::LinalgError;
 use super::lanczos::{BlockLanczos, Ritz};
 use super::lanes::{Block, Lanes, WIDTH};
 
-/// Applications of the shifted inverse per step of the iteration. Two need more solves than one
-/// but a basis smaller by a quarter, and orthogonalisation grows with its square.
-const POWER: usize = 2;
-
 /// Distance of the shift below zero, as a fraction of the estimated largest wanted eigenvalue:
 /// small, so that the wanted end of the spectrum is spread out, but enough for a well conditioned
 /// matrix.
 const SHIFT: f64 = 0.03;
 
+/// Where the unwanted part of the spectrum is taken to begin, as a multiple of the largest wanted
+/// eigenvalue by Weyl's law.
+const CUT: f64 = 1.5;
+
 /// Residual, relative to the eigenvalue, at which a pair counts as converged.
-const CONVERGED: f64 = 1e-10;
+const CONVERGED: f64 = 1e-9;
 
 /// Residual at which an eigenvalue is known well enough to place a shift below it.
 const LOCATED: f64 = 1e-3;
@@ -52,17 +55,17 @@ impl Problem<'_> {
         let size = self.matrix.size();
         let symbolic = SymbolicCholesky::new(self.matrix)?;
         progress.report(0.03)?;
-        let (shift, factor) = self.shifted_factor(&symbolic, pairs)?;
+        let filter = self.filter(&symbolic, pairs)?;
         progress.report(0.08)?;
         let original = &symbolic.inner().original;
-        let operator = |block: &mut [Lanes]| factor.ldl().solve(block, POWER);
+        let operator = |block: &[Lanes]| filter.factor.ldl().solve_twice(block, filter.root);
         let mut lanczos = BlockLanczos::new(size, self.null_blocks(original), self.null.len(), SEED);
         let started = match start {
             Some(start) => lanczos.add_block(original.iter().map(|&index| start[index]).collect()),
             None => lanczos.add_random_block(operator),
         };
         let mut room = started;
-        let mut target = 2 * pairs + 5 * WIDTH;
+        let mut target = 3 * pairs / 2 + 5 * WIDTH;
         let mut attempts = 0;
         while room && target < 6 * pairs + 64 * WIDTH {
             while room && lanczos.dimension() < target {
@@ -74,16 +77,24 @@ impl Problem<'_> {
                 break;
             }
             let ritz = lanczos.ritz()?;
-            let found = Found::new(&ritz, shift, pairs);
-            let Some((below, count, gap)) = self.count(&symbolic, &found.gaps)? else {
+            let found = Found::new(&ritz, &filter, pairs);
+            if found.gaps.is_empty() {
+                target += (target / 24).max(WIDTH);
+                continue;
+            }
+            // The count is nearly always right, and keeps one core busy.
+            let (counted, vectors) = rayon::join(
+                || self.count(&symbolic, &found.gaps),
+                || lanczos.vectors(&ritz, &found.order[..pairs]),
+            );
+            let Some((below, count, gap)) = counted? else {
                 target += (target / 24).max(WIDTH);
                 continue;
             };
             progress.report(0.9)?;
             let expected = count.saturating_sub(self.null.len());
             if expected == gap.below {
-                let vectors = lanczos.vectors(&ritz, &found.order[..pairs]);
-                let vectors = vectors.iter().map(|block| to_original_order(block, original)).collect();
+                let vectors = vectors.par_iter().map(|block| to_original_order(block, original)).collect();
                 return Ok(Some((found.values[..pairs].to_vec(), vectors)));
             }
             attempts += 1;
@@ -112,12 +123,9 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// A shift just below the spectrum, and the factor of the shifted matrix.
-    fn shifted_factor(
-        &self,
-        symbolic: &SymbolicCholesky,
-        pairs: usize,
-    ) -> Result<(f64, Cholesky), LinalgError> {
+    /// What the iteration runs on: a shift just below the spectrum, the factor of the shifted
+    /// matrix, and the root.
+    fn filter(&self, symbolic: &SymbolicCholesky, pairs: usize) -> Result<Filter, LinalgError> {
         // On a surface a diagonal entry of B is about 3.5 / area of the vertex, and by Weyl's law
         // there are area · λ / 4π eigenvalues below λ. Only speed depends on this estimate.
         let diagonal = self.matrix.diagonal();
@@ -129,7 +137,27 @@ impl Problem<'_> {
         let estimate = if area > 0.0 { 3.6 * pairs as f64 / area } else { 1.0 };
         let shift = -SHIFT * estimate;
         let shifted = self.matrix.add_scaled_diagonal(-shift, &vec![1.0; diagonal.len()])?;
-        Ok((shift, Cholesky::factor(symbolic, &shifted)?))
+        let (factor, cut) =
+            rayon::join(|| Cholesky::factor(symbolic, &shifted), || self.cut(symbolic, pairs));
+        let root = cut?.map_or(0.0, |cut| 1.0 / (cut - shift));
+        Ok(Filter { shift, root, factor: factor? })
+    }
+
+    /// A point above the wanted eigenvalues, but not far above. `None` where a count does not
+    /// confirm it, as on what is no surface.
+    fn cut(&self, symbolic: &SymbolicCholesky, pairs: usize) -> Result<Option<f64>, LinalgError> {
+        let cut = CUT * 4.0 * std::f64::consts::PI * pairs as f64 / self.area;
+        let counted = self
+            .matrix
+            .add_scaled_diagonal(-cut, &vec![1.0; self.matrix.size()])
+            .and_then(|shifted| factor_indefinite(symbolic, &shifted, cut));
+        let below = match counted {
+            Ok(factor) => negative_pivots(&factor).saturating_sub(self.null.len()),
+            Err(LinalgError::VanishingPivot { .. } | LinalgError::NonFinite { .. }) => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        let confirmed = (pairs + (pairs / 8).max(2)..=3 * pairs + 4 * WIDTH).contains(&below);
+        Ok(confirmed.then_some(cut))
     }
 
     /// Counts the eigenvalues, null space included, below a point in one of the `gaps`: that
@@ -155,6 +183,27 @@ impl Problem<'_> {
     }
 }
 
+/// The operator of the iteration, X (X − root) with X = (B − shift)⁻¹.
+struct Filter {
+    shift: f64,
+    /// Zero where nothing is known of the unwanted part of the spectrum.
+    root: f64,
+    factor: Cholesky,
+}
+
+impl Filter {
+    /// The eigenvalue λ of B whose vector has the eigenvalue `value` > 0 of the operator, and the
+    /// residual that a purified vector has at most for each unit of the Ritz pair's.
+    fn eigenvalue(&self, value: f64) -> (f64, f64) {
+        let inverse = 0.5 * (self.root + (self.root * self.root + 4.0 * value).sqrt());
+        let distance = 1.0 / inverse;
+        // With x the eigenvalue of X, p(x) = x (x − ρ) and f the Ritz pair's residual, the purified
+        // vector's is (λⱼ − λ) p(xⱼ) fⱼ / (p(xⱼ) − p(x)) / p(x) along the j-th vector. The parabola
+        // is convex, so that |xⱼ − x| ≤ |p(xⱼ) − p(x)| x / p(x) below x and ≤ … xⱼ / p(xⱼ) above.
+        (self.shift + distance, (self.root / value).max(distance) / value)
+    }
+}
+
 /// An interval between converged Ritz values.
 #[derive(Debug, Clone, Copy)]
 struct Gap {
@@ -174,19 +223,17 @@ struct Found {
 }
 
 impl Found {
-    fn new(ritz: &Ritz, shift: f64, pairs: usize) -> Self {
-        // Op = (B − σ)^-p, and the purified vector of a Ritz pair (μ, r) has a residual of at most
-        // (λ − σ) · r / μ.
+    fn new(ritz: &Ritz, filter: &Filter, pairs: usize) -> Self {
         let mut list: Vec<(f64, f64, usize)> = Vec::new();
         for (at, (&value, &residual)) in ritz.values.iter().zip(&ritz.residuals).enumerate() {
             if value > 0.0 {
-                let distance = value.powf(-1.0 / POWER as f64);
-                list.push((shift + distance, distance * (residual / value), at));
+                let (eigenvalue, factor) = filter.eigenvalue(value);
+                list.push((eigenvalue, factor * residual, at));
             }
         }
         list.sort_by(|a, b| a.0.total_cmp(&b.0));
         // A null vector that was not handed in has no relative residual.
-        let floor = 1e-3 * shift.abs();
+        let floor = 1e-3 * filter.shift.abs();
         let within = |limit: f64| {
             list.iter().take_while(|(value, residual, _)| *residual <= limit * value.max(floor)).count()
         };
@@ -242,7 +289,7 @@ mod tests {
         let norm = 1.0 / (length as f64).sqrt();
         let null = [0, 1]
             .map(|ring| (0..2 * length).map(|at| if at / length == ring { norm } else { 0.0 }).collect());
-        let problem = Problem { matrix: &matrix, null: null.to_vec() };
+        let problem = Problem { matrix: &matrix, null: null.to_vec(), area: 2.0 * length as f64 };
         // The second ring is exactly zero, and stays so under the operator.
         let start: Block =
             (0..2 * length)

@@ -93,10 +93,9 @@ impl SymmetricMatrix {
         let mut rows: Vec<usize> = Vec::with_capacity(total);
         let mut values: Vec<f64> = Vec::with_capacity(total);
         let mut rest = entries.as_mut_slice();
-        for (column, &count) in counts.iter().enumerate() {
-            let (bucket, tail) = rest.split_at_mut(count);
-            rest = tail;
-            bucket.sort_by_key(|entry| entry.0);
+        let mut buckets: Vec<_> = counts.iter().filter_map(|&count| rest.split_off_mut(..count)).collect();
+        buckets.par_iter_mut().for_each(|bucket| bucket.sort_by_key(|entry| entry.0));
+        for (column, bucket) in buckets.iter().enumerate() {
             let mut previous = usize::MAX;
             for &(row, value) in bucket.iter() {
                 if row == previous {

@@ -8,7 +8,7 @@ use super::ldl::LdlFactor;
 /// Columns of L that are applied in one sweep over the rows.
 const STRIP: usize = 4;
 
-/// Solves `L y = b` for `supernodes` in ascending order.
+/// Solves `L D y = b` for `supernodes` in ascending order.
 ///
 /// `own` holds the rows from `start` on. What the supernodes subtract from rows beyond `own` is
 /// added (negated) to `outside`, at the places given by the schedule.
@@ -20,7 +20,7 @@ pub(super) struct Forward<'a, I> {
     pub(super) outside: &'a mut [Lanes],
 }
 
-/// Solves `D Lᵀ x = y` for `supernodes` in descending order, with the rows beyond `own` known.
+/// Solves `Lᵀ x = y` for `supernodes` in descending order, with the rows beyond `own` known.
 pub(super) struct Backward<'a, I> {
     pub(super) factor: &'a LdlFactor,
     pub(super) supernodes: I,
@@ -47,6 +47,10 @@ impl<I: Iterator<Item = usize>> WithSimd for Forward<'_, I> {
             sums.clear();
             sums.resize(rows.len(), Lanes::ZERO);
             multiply_below(simd, values, height, top, &mut sums);
+            // The diagonal is in the cache now; on the way back each entry would be waited for.
+            for (at, row) in top.iter_mut().enumerate() {
+                row.scale(1.0 / values[at * (height + 1)]);
+            }
             let inside = rows.partition_point(|&row| row < end);
             for (&row, sum) in rows[..inside].iter().zip(&sums) {
                 self.own[row - self.start].subtract(simd, sum);
@@ -84,9 +88,6 @@ impl<I: Iterator<Item = usize>> WithSimd for Backward<'_, I> {
             }
             let top = &mut self.own[columns.start - self.start..columns.end - self.start];
             let height = top.len() + rows.len();
-            for (at, row) in top.iter_mut().enumerate() {
-                row.scale(1.0 / values[at * (height + 1)]);
-            }
             multiply_below_transposed(simd, values, height, top, &below);
             solve_unit_lower_transposed(simd, values, height, top);
         }

@@ -3,6 +3,8 @@
 //!
 //! After N. Sharp and K. Crane, "A Laplacian for nonmanifold triangle meshes", 2020.
 
+use rayon::prelude::*;
+
 /// A side of a triangle: side `s` runs from corner `s` to corner `s + 1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Side {
@@ -24,11 +26,36 @@ impl Side {
     }
 }
 
-/// Corners, side lengths and gluing of each triangle, each indexed by side slot `3 t + s`.
+/// Corners, side lengths and gluing of each triangle, each indexed by side slot `3 t + s`, and
+/// what follows from the lengths.
 pub(super) struct IntrinsicTriangulation {
     corners: Vec<u32>,
     lengths: Vec<f64>,
     glued: Vec<Side>,
+    shapes: Vec<Shape>,
+}
+
+/// Area of a triangle and the cotangents of the angles opposite its sides.
+#[derive(Debug, Clone, Copy)]
+struct Shape {
+    area: f64,
+    cotangents: [f64; 3],
+}
+
+impl Shape {
+    /// Area by Kahan's form of Heron's formula, which is stable for needles.
+    fn new(lengths: [f64; 3]) -> Self {
+        let mut sorted = lengths;
+        sorted.sort_unstable_by(|a, b| b.total_cmp(a));
+        let [a, b, c] = sorted;
+        let product = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c));
+        let area = 0.25 * product.max(0.0).sqrt();
+        let cotangents = [0, 1, 2].map(|s| {
+            let (c, a, b) = (lengths[s], lengths[(s + 1) % 3], lengths[(s + 2) % 3]);
+            (a * a + b * b - c * c) / (4.0 * area)
+        });
+        Self { area, cotangents }
+    }
 }
 
 /// Sides whose cotangent weight is above minus this are Delaunay (the bound keeps flips from
@@ -38,7 +65,8 @@ const DELAUNAY_TOLERANCE: f64 = 1e-6;
 impl IntrinsicTriangulation {
     pub(super) fn new(corners: Vec<u32>, lengths: Vec<f64>, glued: Vec<Side>) -> Self {
         debug_assert!(corners.len() == lengths.len() && corners.len() == glued.len());
-        Self { corners, lengths, glued }
+        let shapes = lengths.par_chunks_exact(3).map(|l| Shape::new([l[0], l[1], l[2]])).collect();
+        Self { corners, lengths, glued, shapes }
     }
 
     pub(super) fn triangle_count(&self) -> usize {
@@ -49,21 +77,13 @@ impl IntrinsicTriangulation {
         self.corners[side.slot()]
     }
 
-    /// Area by Kahan's form of Heron's formula, which is stable for needles.
     pub(super) fn area(&self, triangle: usize) -> f64 {
-        let mut l = [0, 1, 2].map(|s| self.lengths[3 * triangle + s]);
-        l.sort_unstable_by(|a, b| b.total_cmp(a));
-        let [a, b, c] = l;
-        let product = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c));
-        0.25 * product.max(0.0).sqrt()
+        self.shapes[triangle].area
     }
 
     /// Cotangent of the angle opposite a side.
     pub(super) fn cotangent(&self, side: Side) -> f64 {
-        let c = self.lengths[side.slot()];
-        let a = self.lengths[side.next().slot()];
-        let b = self.lengths[side.next().next().slot()];
-        (a * a + b * b - c * c) / (4.0 * self.area(side.triangle as usize))
+        self.shapes[side.triangle as usize].cotangents[side.side as usize]
     }
 
     /// Flips sides until every one is Delaunay. The order is fixed, so the result is too.
@@ -119,6 +139,9 @@ impl IntrinsicTriangulation {
             self.lengths[to.slot()] = length;
             self.glued[to.slot()] = neighbour;
             self.glued[neighbour.slot()] = to;
+        }
+        for triangle in [side.triangle as usize, twin.triangle as usize] {
+            self.shapes[triangle] = Shape::new([0, 1, 2].map(|s| self.lengths[3 * triangle + s]));
         }
         true
     }

@@ -42,7 +42,8 @@ impl Laplacian {
 
     fn of_cover(cover: &IntrinsicTriangulation, mesh: &TriangleMesh) -> Result<Self, MeshError> {
         let mut areas = vec![0.0; mesh.vertex_count()];
-        let mut entries = Vec::with_capacity(12 * cover.triangle_count());
+        let mut diagonal = vec![0.0; mesh.vertex_count()];
+        let mut entries = Vec::with_capacity(3 * cover.triangle_count() + mesh.vertex_count());
         for t in 0..cover.triangle_count() {
             // The cover has every triangle twice, hence the halves.
             let share = 0.5 * cover.area(t) / 3.0;
@@ -52,13 +53,16 @@ impl Laplacian {
                 areas[i] += share;
                 let weight = 0.5 * 0.5 * cover.cotangent(side);
                 if i != j && weight.is_finite() {
-                    entries.extend([(i, i, weight), (j, j, weight), (i, j, -weight)]);
+                    diagonal[i] += weight;
+                    diagonal[j] += weight;
+                    entries.push((i, j, -weight));
                 }
             }
         }
         if areas.iter().all(|&area| area <= 0.0) {
             return Err(MeshError::NoSurface);
         }
+        entries.extend(diagonal.into_iter().enumerate().map(|(i, weight)| (i, i, weight)));
         let stiffness = SymmetricMatrix::from_triplets(mesh.vertex_count(), &entries)
             .map_err(|_| MeshError::NoSurface)?;
         Ok(Self { stiffness, areas })

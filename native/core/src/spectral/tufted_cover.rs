@@ -4,7 +4,10 @@
 //! After N. Sharp and K. Crane, "A Laplacian for nonmanifold triangle meshes", 2020, sections 3.2
 //! (mollification) and 3.3 (cover).
 
+use std::borrow::Cow;
+
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::intrinsic::{IntrinsicTriangulation, Side};
 use crate::mesh::TriangleMesh;
@@ -16,25 +19,25 @@ const MOLLIFICATION: f64 = 1e-5;
 pub(super) fn tufted_cover(mesh: &TriangleMesh) -> IntrinsicTriangulation {
     let triangles: Vec<[u32; 3]> =
         mesh.triangles().iter().filter(|[a, b, c]| a != b && b != c && c != a).copied().collect();
-    let lengths = mollified_lengths(mesh, &triangles);
+    let sides = sorted_sides(&triangles);
+    let lengths = mollified_lengths(mesh, &triangles, &sides);
     let mut corners = Vec::with_capacity(6 * triangles.len());
     let mut cover_lengths = Vec::with_capacity(6 * triangles.len());
     for ([a, b, c], [ab, bc, ca]) in triangles.iter().zip(&lengths) {
         corners.extend([a, b, c, a, c, b]);
         cover_lengths.extend([ab, bc, ca, ca, bc, ab]);
     }
-    IntrinsicTriangulation::new(corners, cover_lengths, glue(mesh, &triangles))
+    IntrinsicTriangulation::new(corners, cover_lengths, glue(mesh, &triangles, &sides))
 }
 
 /// Side lengths, all raised by the least amount that gives every corner its slack.
-fn mollified_lengths(mesh: &TriangleMesh, triangles: &[[u32; 3]]) -> Vec<[f64; 3]> {
+fn mollified_lengths(mesh: &TriangleMesh, triangles: &[[u32; 3]], sides: &[EdgeSide]) -> Vec<[f64; 3]> {
     let position = |v: u32| mesh.vertices()[v as usize];
     let mut lengths: Vec<[f64; 3]> = triangles
         .iter()
         .map(|&[a, b, c]| [(a, b), (b, c), (c, a)].map(|(p, q)| position(p).distance(position(q))))
         .collect();
-    let edges = sorted_sides(triangles);
-    let (sum, count) = edges.chunk_by(|a, b| a.edge == b.edge).fold((0.0, 0usize), |(sum, count), run| {
+    let (sum, count) = sides.chunk_by(|a, b| a.edge == b.edge).fold((0.0, 0usize), |(sum, count), run| {
         (sum + lengths[run[0].triangle as usize][run[0].side as usize], count + 1)
     });
     let slack = MOLLIFICATION * sum / (count.max(1) as f64);
@@ -63,15 +66,15 @@ fn sorted_sides(triangles: &[[u32; 3]]) -> Vec<EdgeSide> {
             sides.push(EdgeSide { edge: [p.min(q), p.max(q)], triangle: t as u32, side: s as u8 });
         }
     }
-    sides.sort_unstable_by_key(|s| (s.edge, s.triangle, s.side));
+    // No two keys are equal.
+    sides.par_sort_unstable_by_key(|s| (s.edge, s.triangle, s.side));
     sides
 }
 
 /// Glues, around every edge, the sheet of a triangle that faces forward to the sheet of the next
 /// triangle that faces backward. A boundary edge thus joins the two sheets of its triangle.
-fn glue(mesh: &TriangleMesh, triangles: &[[u32; 3]]) -> Vec<Side> {
+fn glue(mesh: &TriangleMesh, triangles: &[[u32; 3]], sides: &[EdgeSide]) -> Vec<Side> {
     let mut glued = vec![Side::new(0, 0); 6 * triangles.len()];
-    let sides = sorted_sides(triangles);
     for fan in sides.chunk_by(|a, b| a.edge == b.edge) {
         let fan = by_angle(mesh, triangles, fan);
         for (i, &current) in fan.iter().enumerate() {
@@ -96,9 +99,9 @@ fn sheet(triangles: &[[u32; 3]], side: EdgeSide, forward: bool) -> Side {
 }
 
 /// The triangles at an edge in the order of their angle around it.
-fn by_angle(mesh: &TriangleMesh, triangles: &[[u32; 3]], fan: &[EdgeSide]) -> Vec<EdgeSide> {
+fn by_angle<'a>(mesh: &TriangleMesh, triangles: &[[u32; 3]], fan: &'a [EdgeSide]) -> Cow<'a, [EdgeSide]> {
     if fan.len() < 3 {
-        return fan.to_vec();
+        return Cow::Borrowed(fan);
     }
     let position = |v: u32| mesh.vertices()[v as usize];
     let start = position(fan[0].edge[0]);
