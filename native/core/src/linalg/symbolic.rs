@@ -89,11 +89,16 @@ pub(super) struct Subtree {
 impl Symbolic {
     fn new(pattern: &Arc<SparsityPattern>) -> Result<Self, LinalgError> {
         let original = postordered(pattern, minimum_degree(pattern)?)?;
-        let (lower_starts, lower_rows, lower_source) =
-            triangle(pattern, &original, |row, column| row >= column);
-        let (upper_starts, upper_rows, _) = triangle(pattern, &original, |row, column| row <= column);
-        let supernodes = supernodes(&upper_starts, &upper_rows)?;
-        let schedule = Schedule::new(&supernodes);
+        let ((lower_starts, lower_rows, lower_source), analysed) = rayon::join(
+            || triangle(pattern, &original, |row, column| row >= column),
+            || {
+                let (starts, rows, _) = triangle(pattern, &original, |row, column| row <= column);
+                let supernodes = supernodes(&starts, &rows)?;
+                let schedule = Schedule::new(&supernodes);
+                Ok((supernodes, schedule))
+            },
+        );
+        let (supernodes, schedule) = analysed?;
         Ok(Self {
             pattern: Arc::clone(pattern),
             original,
