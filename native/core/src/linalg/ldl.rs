@@ -217,3 +217,47 @@ impl Part<'_> {
         });
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::super::random::SplitMix64;
+    use super::super::symbolic::SymbolicCholesky;
+    use super::*;
+
+    #[test]
+    fn two_solves_at_once_are_two_solves() {
+        // Wide enough for several subtrees and rows above them.
+        let side = 40;
+        let at = |x: usize, y: usize| y * side + x;
+        let mut triplets = Vec::new();
+        for y in 0..side {
+            for x in 0..side {
+                triplets.push((at(x, y), at(x, y), 4.1));
+                if x > 0 {
+                    triplets.push((at(x, y), at(x - 1, y), -1.0));
+                }
+                if y > 0 {
+                    triplets.push((at(x, y), at(x, y - 1), -1.0));
+                }
+            }
+        }
+        let matrix = SymmetricMatrix::from_triplets(side * side, &triplets).unwrap();
+        let symbolic = SymbolicCholesky::new(&matrix).unwrap();
+        assert!(symbolic.inner().schedule.subtrees.len() > 1 && !symbolic.inner().schedule.top.is_empty());
+        let Ok(factor) = LdlFactor::new(symbolic.inner(), &matrix).unwrap() else {
+            panic!("the matrix is definite");
+        };
+        let mut random = SplitMix64::new(7);
+        let block: Block = (0..side * side).map(|_| Lanes([0.0; 8].map(|_| random.uniform()))).collect();
+        for root in [0.0, 0.3] {
+            let mut expected = block.clone();
+            factor.solve(&mut expected);
+            for (row, before) in expected.iter_mut().zip(&block) {
+                row.subtract_scaled(root, before);
+            }
+            factor.solve(&mut expected);
+            assert_eq!(factor.solve_twice(&block, root), expected);
+        }
+    }
+}

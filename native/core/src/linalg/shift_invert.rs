@@ -282,6 +282,52 @@ mod tests {
         SymmetricMatrix::from_triplets(2 * length, &triplets).unwrap()
     }
 
+    fn filter(shift: f64, root: f64) -> Filter {
+        let matrix = SymmetricMatrix::from_triplets(1, &[(0, 0, 1.0)]).unwrap();
+        let factor = Cholesky::factor(&SymbolicCholesky::new(&matrix).unwrap(), &matrix).unwrap();
+        Filter { shift, root, factor }
+    }
+
+    #[test]
+    fn the_parabola_is_inverted_and_bounds_the_residual_of_every_vector() {
+        let shift = -0.5;
+        let inverse = |eigenvalue: f64| 1.0 / (eigenvalue - shift);
+        for root in [0.0, inverse(3.0)] {
+            let filter = filter(shift, root);
+            let parabola = |x: f64| x * (x - root);
+            for wanted in [0.01, 0.5, 1.7, 2.9] {
+                let value = parabola(inverse(wanted));
+                let (eigenvalue, factor) = filter.eigenvalue(value);
+                assert!((eigenvalue - wanted).abs() < 1e-12);
+                for step in 1..400 {
+                    // Other eigenvalues from 0.001 to 2e7.
+                    let other = 0.001 * 1.061_f64.powi(step);
+                    let image = parabola(inverse(other));
+                    let share = (other - wanted) * image / (image - value) / value;
+                    assert!(share.abs() <= factor * (1.0 + 1e-9), "{other} beside {wanted}, root {root}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_surface_gets_a_root_that_a_count_confirms_and_a_ring_none() {
+        let side = 40;
+        let mut triplets = Vec::new();
+        for at in 0..side * side {
+            for other in [at / side * side + (at + 1) % side, (at + side) % (side * side)] {
+                triplets.extend([(at, other, -1.0), (at, at, 1.0), (other, other, 1.0)]);
+            }
+        }
+        let grid = SymmetricMatrix::from_triplets(side * side, &triplets).unwrap();
+        for (matrix, is_surface) in [(grid, true), (rings(800), false)] {
+            let problem = Problem { matrix: &matrix, null: Vec::new(), area: matrix.size() as f64 };
+            let symbolic = SymbolicCholesky::new(&matrix).unwrap();
+            let filter = problem.filter(&symbolic, 60).unwrap();
+            assert_eq!(filter.root > 0.0, is_surface);
+        }
+    }
+
     #[test]
     fn pairs_that_the_start_block_cannot_see_are_missed_counted_and_found() {
         let length = 500;
