@@ -63,19 +63,16 @@ pub(super) fn gram(blocks: &[Block]) -> Vec<Coupling> {
 /// Linear combinations `Σ_i blocks[i] · couplings[o][i]` for every `o`.
 pub(super) fn combine(blocks: &[&[Lanes]], couplings: &[Vec<Coupling>]) -> Vec<Block> {
     let rows = blocks.first().map_or(0, |block| block.len());
+    let mut combined: Vec<Block> = couplings.par_iter().map(|_| vec![Lanes::ZERO; rows]).collect();
     // Chunk by chunk, so that a chunk of all blocks is read from memory once.
-    let mut chunks = vec![Lanes::ZERO; rows * couplings.len()];
-    if !chunks.is_empty() {
-        chunks.par_chunks_mut(CHUNK * couplings.len()).enumerate().for_each(|(chunk, out)| {
-            vectorized(CombineChunk { start: chunk * CHUNK, blocks, couplings, out });
-        });
+    let mut chunks: Vec<Vec<&mut [Lanes]>> = Vec::new();
+    chunks.resize_with(rows.div_ceil(CHUNK), Vec::new);
+    for block in &mut combined {
+        chunks.iter_mut().zip(block.chunks_mut(CHUNK)).for_each(|(chunk, rows)| chunk.push(rows));
     }
-    let mut combined: Vec<Block> = couplings.iter().map(|_| Vec::with_capacity(rows)).collect();
-    for chunk in chunks.chunks(CHUNK * couplings.len().max(1)) {
-        for (block, part) in combined.iter_mut().zip(chunk.chunks(chunk.len() / couplings.len())) {
-            block.extend_from_slice(part);
-        }
-    }
+    chunks.into_par_iter().enumerate().for_each(|(chunk, out)| {
+        vectorized(CombineChunk { start: chunk * CHUNK, blocks, couplings, out });
+    });
     combined
 }
 
@@ -139,7 +136,8 @@ struct CombineChunk<'a> {
     start: usize,
     blocks: &'a [&'a [Lanes]],
     couplings: &'a [Vec<Coupling>],
-    out: &'a mut [Lanes],
+    /// The chunk's rows of every result.
+    out: Vec<&'a mut [Lanes]>,
 }
 
 impl WithSimd for CombineChunk<'_> {
@@ -147,10 +145,9 @@ impl WithSimd for CombineChunk<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let length = self.out.len() / self.couplings.len();
-        for (out, couplings) in self.out.chunks_mut(length).zip(self.couplings) {
+        for (out, couplings) in self.out.into_iter().zip(self.couplings) {
             for (block, coupling) in self.blocks.iter().zip(couplings) {
-                accumulate(simd, out, &block[self.start..self.start + length], coupling);
+                accumulate(simd, out, &block[self.start..self.start + out.len()], coupling);
             }
         }
     }
