@@ -13,7 +13,7 @@ use super::marks::{Anchor, Constraint};
 use super::ray_marks::{RayMark, ray_marks};
 use super::rejection::RejectionSettings;
 use super::shell::{Shell, extent};
-use super::similarity::{POINTS, distances_to, similar};
+use super::similarity::{EXACT, POINTS, Pair, distances_to, fit, similar};
 use super::sliding::{lengths, slide};
 use super::surface_sample::samples;
 use super::surface_weights::take_over;
@@ -213,11 +213,24 @@ fn as_a_whole(
     let left = distances_to(warped, of_target, [0.6, 0.7], progress)?.below(ALMOST_ALL);
     let off = distances_to(&whole_query, of_target, [0.7, 0.85], progress)?;
     let bare = distances_to(target.query, (&whole, of_source.1), [0.85, 1.0], progress)?;
-    let is_part = bare.below(1.0 - BARE) > COVERED * target.shell.extent;
+    let is_part = bare.below(1.0 - BARE) > COVERED * target.shell.extent
+        && ends_agree(alignment, given) <= EXACT * target.shell.extent;
     let worn = one_skeleton && (is_part || off.below(0.5) <= WORN * target.shell.extent);
     let off = off.below(ALMOST_ALL);
     let coincide = off <= COINCIDE * target.shell.extent && left >= MUST_SHRINK * off;
     Ok((worn || coincide).then_some((whole, worn)))
+}
+
+/// How far both ends of the bones are apart after the similarity that brings them nearest: the heads of two bones
+/// fit in any case.
+fn ends_agree(alignment: &Alignment<'_>, given: &Skeleton) -> f64 {
+    let (from, bones) = (alignment.skeleton, 0..alignment.takes_part.len());
+    let ends = |bone: usize| {
+        let [heads, tails] = [(from.heads(), given.heads()), (from.tails(), given.tails())];
+        [heads, tails].map(|(from, to)| (from[bone], to[bone], 1.0))
+    };
+    let pairs: Vec<Pair> = bones.filter(|&bone| alignment.takes_part[bone]).flat_map(ends).collect();
+    fit(&pairs, &mut [])
 }
 
 /// The source, warped onto the target's skeleton, deformed onto its surface. Which side of it is
