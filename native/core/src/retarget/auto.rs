@@ -185,8 +185,13 @@ fn as_large_as(
     given: &Skeleton,
     takes_part: &[bool],
 ) -> Result<f64, MeshError> {
-    let (ones, zeros) = (vec![1.0; takes_part.len()], vec![0.0; takes_part.len()]);
-    let warp = Warp::new(source.skeleton, given, takes_part, &ones, &zeros);
+    let length = |skeleton: &Skeleton| -> f64 {
+        (0..takes_part.len()).filter(|&bone| takes_part[bone]).map(|bone| skeleton.length(bone)).sum()
+    };
+    let scale = length(given) / length(source.skeleton);
+    let girth = if scale.is_finite() { scale } else { 1.0 };
+    let (girths, unturned) = (vec![girth; takes_part.len()], vec![0.0; takes_part.len()]);
+    let warp = Warp::new(source.skeleton, given, takes_part, &girths, &unturned);
     let moved = warp.apply(source.mesh.vertices(), weights);
     Ok(extent(&weighted_surface(moved, (source.mesh, weights))?))
 }

@@ -15,7 +15,7 @@ const STEEP: f64 = 0.2;
 /// A ray belongs to its bone where it leaves the source through skin that the bone moves.
 const OWN_WEIGHT: f64 = 0.3;
 
-/// Where the logarithm of the ratio of lengths differs by this from that of the characters' sizes, the target's
+/// Where the logarithm of the ratio of lengths differs by this from that of the skeletons' sizes, the target's
 /// ray has left through another limb: a bare hand beside a jacket meets its front.
 const OTHER_LIMB: f64 = 1.4;
 
@@ -51,9 +51,11 @@ pub(super) fn shoot(
     fan: &Fan<'_>,
 ) -> Vec<RayPair> {
     let centre = centre(source.mesh);
-    let scale = (target.shell.extent / source.shell.extent).ln();
     let bones: Vec<usize> =
         (0..takes_part.len()).filter(|&b| takes_part[b] && skeleton.length(b) > 0.0).collect();
+    let length = |skeleton: &Skeleton| bones.iter().map(|&b| skeleton.length(b)).sum::<f64>();
+    let scale =
+        Some((length(aligned) / length(skeleton)).ln()).filter(|scale| scale.is_finite()).unwrap_or(0.0);
     let shoot_bone = |&b: &usize| {
         let along = skeleton.tails()[b] - skeleton.heads()[b];
         let frame = ray_frame(skeleton, b, centre);
