@@ -7,14 +7,13 @@ use super::alignment::align;
 use super::deform::{DeformSettings, Deformer};
 use super::differing_shapes::{Difference, Differing};
 use super::icp::{IcpSettings, Surroundings, register};
-use super::inpaint::InpaintSettings;
 use super::joint_refinement::Alignment;
 use super::landmarks::check_landmarks;
 use super::marks::{Anchor, Constraint};
 use super::ray_marks::{RayMark, ray_marks};
 use super::rejection::RejectionSettings;
-use super::shell::Shell;
-use super::similarity::{POINTS, distances_to, similar};
+use super::shell::{Shell, extent};
+use super::similarity::{EXACT, POINTS, Pair, distances_to, fit, similar};
 use super::sliding::{lengths, slide};
 use super::surface_sample::samples;
 use super::surface_weights::take_over;
@@ -37,6 +36,10 @@ const ALMOST_ALL: f64 = 0.95;
 const MUST_SHRINK: f64 = 0.5;
 /// or where both have one skeleton and half of the area lies within this share: a garment on its wearer.
 const WORN: f64 = 0.01;
+/// It is one at any distance where so much of the wearer
+const BARE: f64 = 0.1;
+/// is farther from it than this share of the extent.
+const COVERED: f64 = 0.05;
 
 /// Joints off by this share of the extent may feign the turn of a bone.
 const FEIGNED: f64 = 0.0125;
@@ -50,9 +53,10 @@ pub(super) const BOUND: f64 = 0.6;
 /// two limbs, as at the crotch, closest points tear it apart.
 const WORN_LOOSELY: RejectionSettings = RejectionSettings {
     max_angle: 180.0,
-    max_distance: 0.1,
+    max_distance: f64::INFINITY,
     max_depth: 10.0,
     other_wall: false,
+    way_back: false,
     max_stretch: 3.0,
 };
 
@@ -105,12 +109,14 @@ pub(super) fn retarget(
     let source_shell = Shell::new(source.mesh, &source_query, progress)?;
     progress.begin("Reading the characters", 0.05, 0.1)?;
     let target_query = SurfaceQuery::new(target.mesh).map_err(|error| mesh_error("target", error))?;
-    let target_shell = Shell::new(target.mesh, &target_query, progress)?;
+    let mut target_shell = Shell::new(target.mesh, &target_query, progress)?;
+    let given_skeleton = target.skeleton.renumbered(source.skeleton, pairs);
+    let whole = as_large_as((source, source_weights), &given_skeleton, &takes_part).map_err(on_source)?;
+    target_shell.extent = target_shell.extent.max(whole);
     let source_surface = Surroundings { mesh: source.mesh, query: &source_query, shell: &source_shell };
     let target_surface = Surroundings { mesh: target.mesh, query: &target_query, shell: &target_shell };
 
     progress.begin("Aligning the skeletons", 0.1, ALIGNED)?;
-    let given_skeleton = target.skeleton.renumbered(source.skeleton, pairs);
     let (alignment, difference) = align(
         source_surface,
         source.skeleton,
@@ -140,13 +146,9 @@ pub(super) fn retarget(
         )?,
     };
 
-    let (tests, filling) = if placed.worn {
-        (WORN_LOOSELY, InpaintSettings { smoothing_rounds: 0 })
-    } else {
-        (RejectionSettings::default(), InpaintSettings::default())
-    };
+    let tests = if placed.worn { WORN_LOOSELY } else { RejectionSettings::default() };
     let found = (&placed.mesh, source_weights);
-    let taken = take_over(found, (&tests, &filling), target_surface, &choice, progress)?;
+    let taken = take_over(found, (&tests, placed.worn), target_surface, &choice, progress)?;
     let rows = taken.rows.iter().map(|row| {
         // Bones with weight always have a partner.
         let mut renamed: Vec<(u32, f64)> =
@@ -177,6 +179,23 @@ pub(super) fn retarget(
     Ok((found, differing))
 }
 
+/// Extent of the source on the target's skeleton: a garment is a small part of a character, whose size counts.
+fn as_large_as(
+    (source, weights): (Rigged<'_>, &SkinWeights),
+    given: &Skeleton,
+    takes_part: &[bool],
+) -> Result<f64, MeshError> {
+    let length = |skeleton: &Skeleton| -> f64 {
+        (0..takes_part.len()).filter(|&bone| takes_part[bone]).map(|bone| skeleton.length(bone)).sum()
+    };
+    let scale = length(given) / length(source.skeleton);
+    let girth = if scale.is_finite() { scale } else { 1.0 };
+    let (girths, unturned) = (vec![girth; takes_part.len()], vec![0.0; takes_part.len()]);
+    let warp = Warp::new(source.skeleton, given, takes_part, &girths, &unturned);
+    let moved = warp.apply(source.mesh.vertices(), weights);
+    Ok(extent(&weighted_surface(moved, (source.mesh, weights))?))
+}
+
 /// The source moved as a whole, if that brings it about as near to the target as the alignment of
 /// the skeletons does, which `warped` queries, and whether the target is a garment on it.
 fn as_a_whole(
@@ -194,14 +213,29 @@ fn as_a_whole(
     let of_target = (target.mesh, of_target.as_slice());
     progress.begin("Comparing the surfaces", 0.0, 0.12)?;
     let (moved, one_skeleton) = similar(of_source, rigs, alignment.takes_part, target, progress)?;
-    let whole = weighted_surface(moved, alignment).map_err(on_source)?;
+    let whole = weighted_surface(moved, (alignment.source.mesh, alignment.weights)).map_err(on_source)?;
     let whole_query = SurfaceQuery::new(&whole).map_err(on_source)?;
-    let left = distances_to(warped, of_target, [0.6, 0.8], progress)?.below(ALMOST_ALL);
-    let off = distances_to(&whole_query, of_target, [0.8, 1.0], progress)?;
-    let worn = one_skeleton && off.below(0.5) <= WORN * target.shell.extent;
+    let left = distances_to(warped, of_target, [0.6, 0.7], progress)?.below(ALMOST_ALL);
+    let off = distances_to(&whole_query, of_target, [0.7, 0.85], progress)?;
+    let bare = distances_to(target.query, (&whole, of_source.1), [0.85, 1.0], progress)?;
+    let is_part = bare.below(1.0 - BARE) > COVERED * target.shell.extent
+        && ends_agree(alignment, given) <= EXACT * target.shell.extent;
+    let worn = one_skeleton && (is_part || off.below(0.5) <= WORN * target.shell.extent);
     let off = off.below(ALMOST_ALL);
     let coincide = off <= COINCIDE * target.shell.extent && left >= MUST_SHRINK * off;
     Ok((worn || coincide).then_some((whole, worn)))
+}
+
+/// How far both ends of the bones are apart after the similarity that brings them nearest: the heads of two bones
+/// fit in any case.
+fn ends_agree(alignment: &Alignment<'_>, given: &Skeleton) -> f64 {
+    let (from, bones) = (alignment.skeleton, 0..alignment.takes_part.len());
+    let ends = |bone: usize| {
+        let [heads, tails] = [(from.heads(), given.heads()), (from.tails(), given.tails())];
+        [heads, tails].map(|(from, to)| (from[bone], to[bone], 1.0))
+    };
+    let pairs: Vec<Pair> = bones.filter(|&bone| alignment.takes_part[bone]).flat_map(ends).collect();
+    fit(&pairs, &mut [])
 }
 
 /// The source, warped onto the target's skeleton, deformed onto its surface. Which side of it is
@@ -275,13 +309,16 @@ fn moved_to(mesh: &TriangleMesh, vertices: Vec<DVec3>) -> Result<TriangleMesh, R
 
 fn warped(alignment: &Alignment<'_>) -> Result<TriangleMesh, MeshError> {
     let moved = alignment.warp().apply(alignment.source.mesh.vertices(), alignment.weights);
-    weighted_surface(moved, alignment)
+    weighted_surface(moved, (alignment.source.mesh, alignment.weights))
 }
 
 /// Moved vertices with the triangles whose corners all have weights.
-fn weighted_surface(moved: Vec<DVec3>, alignment: &Alignment<'_>) -> Result<TriangleMesh, MeshError> {
-    let has_weights = |&v: &u32| !alignment.weights.row(v as usize).0.is_empty();
-    let triangles = alignment.source.mesh.triangles().iter();
+fn weighted_surface(
+    moved: Vec<DVec3>,
+    (mesh, weights): (&TriangleMesh, &SkinWeights),
+) -> Result<TriangleMesh, MeshError> {
+    let has_weights = |&v: &u32| !weights.row(v as usize).0.is_empty();
+    let triangles = mesh.triangles().iter();
     TriangleMesh::new(moved, triangles.filter(|t| t.iter().all(has_weights)).copied().collect())
 }
 

@@ -15,6 +15,10 @@ const STEEP: f64 = 0.2;
 /// A ray belongs to its bone where it leaves the source through skin that the bone moves.
 const OWN_WEIGHT: f64 = 0.3;
 
+/// Where the logarithm of the ratio of lengths differs by this from that of the skeletons' sizes, the target's
+/// ray has left through another limb: a bare hand beside a jacket meets its front.
+const OTHER_LIMB: f64 = 1.4;
+
 /// Where a pair of rays left the two surfaces.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RayPair {
@@ -38,7 +42,8 @@ pub(super) struct Fan<'a> {
 
 /// Shoots a fan of rays from every bone that takes part, on the source from its own skeleton, on
 /// the target from the aligned skeleton, each bone turned by its rotation (B). Keeps the pairs of
-/// which both leave their surface outward, on the source through skin that the bone moves.
+/// which both leave their surface outward, on the source through skin that the bone moves, on the target through
+/// the same limb.
 pub(super) fn shoot(
     (source, skeleton, weights): (Surroundings<'_>, &Skeleton, &SkinWeights),
     (target, aligned, rotations): (Surroundings<'_>, &Skeleton, &[DMat3]),
@@ -48,6 +53,9 @@ pub(super) fn shoot(
     let centre = centre(source.mesh);
     let bones: Vec<usize> =
         (0..takes_part.len()).filter(|&b| takes_part[b] && skeleton.length(b) > 0.0).collect();
+    let length = |skeleton: &Skeleton| bones.iter().map(|&b| skeleton.length(b)).sum::<f64>();
+    let scale =
+        Some((length(aligned) / length(skeleton)).ln()).filter(|scale| scale.is_finite()).unwrap_or(0.0);
     let shoot_bone = |&b: &usize| {
         let along = skeleton.tails()[b] - skeleton.heads()[b];
         let frame = ray_frame(skeleton, b, centre);
@@ -64,7 +72,10 @@ pub(super) fn shoot(
                     continue;
                 }
                 if let Some(on_target) = exit(target, goal, rotations[b] * direction) {
-                    pairs.push(RayPair { bone: b as u32, source: on_source, target: on_target });
+                    let pair = RayPair { bone: b as u32, source: on_source, target: on_target };
+                    if (pair.log_ratio() - scale).abs() < OTHER_LIMB {
+                        pairs.push(pair);
+                    }
                 }
             }
         }

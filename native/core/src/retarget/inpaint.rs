@@ -2,6 +2,9 @@
 //! possible (Abdrashitov, Raichstat, Monsen, Hill: "Robust skin weights transfer via weight
 //! inpainting", 2023).
 //!
+//! A row may also be known within a reach only: a closest point tells the weights of cloth that hangs off
+//! the body no sharper than over some distance.
+//!
 //! Every hole is solved by itself, with one right-hand side for each bone that occurs around it.
 //! Negative values are cut off and rows scaled to a sum of 1. Around what was filled, and nowhere
 //! else, some rounds of smoothing take away the crease at the border.
@@ -21,6 +24,25 @@ const NEGLIGIBLE: f64 = 1e-5;
 const STEP: f64 = 0.2;
 /// Rings of known rows around a hole that are smoothed too, less and less.
 const RINGS: u32 = 2;
+
+/// What is known of a vertex's row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Known {
+    /// It is the row.
+    Exactly,
+    /// It tells the row no better than over this reach around the vertex, in the mesh's unit, above 0.
+    Within(f64),
+    /// Nothing.
+    Nothing,
+}
+
+impl Known {
+    /// The row itself, or nothing.
+    #[must_use]
+    pub fn exactly(known: bool) -> Self {
+        if known { Self::Exactly } else { Self::Nothing }
+    }
+}
 
 /// Settings of inpainting.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,7 +67,8 @@ pub struct Inpainted {
 }
 
 /// Fills the rows that are not known. Known rows are scaled to a sum of 1; one without weight
-/// counts as unknown. On a seam that only an export had opened, a known vertex speaks for all.
+/// counts as unknown. On a seam that only an export had opened, a known vertex speaks for all. Rows w₀ that
+/// are known within a reach ℓ only pull what is filled: min ∫ |Δw|² + ∫ |w − w₀|² / ℓ⁴.
 ///
 /// # Errors
 /// [`SpectralError`] for a mesh without surface, a failed factorisation, or a cancelled `progress`.
@@ -55,7 +78,7 @@ pub struct Inpainted {
 pub fn inpaint(
     mesh: &TriangleMesh,
     rows: &[Row],
-    known: &[bool],
+    known: &[Known],
     settings: &InpaintSettings,
     progress: &Progress,
 ) -> Result<Inpainted, SpectralError> {
@@ -64,19 +87,27 @@ pub fn inpaint(
     progress.report(0.2)?;
     let count = mesh.vertex_count();
     let mut filled: Vec<Row> = vec![Row::new(); count];
-    for (v, row) in rows.iter().enumerate().filter(|(v, _)| known[*v]) {
+    let mut pulls: Vec<Option<Pull>> = vec![None; count];
+    for (v, row) in rows.iter().enumerate() {
         let stand = surface.stands_for[v] as usize;
         let total: f64 = row.iter().map(|entry| entry.1).sum();
+        let own = || row.iter().map(|&(bone, weight)| (bone, weight / total)).collect();
         // The vertex itself comes before those that it stands for, so the lowest known one speaks.
-        if total > 0.0 && filled[stand].is_empty() {
-            filled[stand] = row.iter().map(|&(bone, weight)| (bone, weight / total)).collect();
+        match known[v] {
+            Known::Exactly if total > 0.0 && filled[stand].is_empty() => filled[stand] = own(),
+            Known::Within(reach) if total > 0.0 && pulls[stand].is_none() => {
+                let firmness = surface.shares[stand] * (surface.area / reach.powi(2)).powi(2);
+                pulls[stand] = Some(Pull { row: own(), firmness });
+            }
+            _ => {}
         }
     }
     let is_known: Vec<bool> = filled.iter().map(|row| !row.is_empty()).collect();
     let topology = surface.welded.topology();
     let adjacency = Adjacency::new(count, &topology);
     let mut reached = vec![false; surface.component_count];
-    (0..count).filter(|&v| is_known[v]).for_each(|v| reached[surface.components[v] as usize] = true);
+    let tells = |v: &usize| is_known[*v] || pulls[*v].is_some();
+    (0..count).filter(tells).for_each(|v| reached[surface.components[v] as usize] = true);
     let to_fill = |v: usize| {
         surface.stands_for[v] as usize == v && !is_known[v] && reached[surface.components[v] as usize]
     };
@@ -85,7 +116,7 @@ pub fn inpaint(
     let total: usize = holes.iter().map(Vec::len).sum();
     let mut done = 0;
     for hole in &holes {
-        for (&v, row) in hole.iter().zip(fill(&surface, hole, &filled)?) {
+        for (&v, row) in hole.iter().zip(fill(&surface, hole, &filled, &pulls)?) {
             filled[v] = row;
         }
         done += hole.len();
@@ -129,17 +160,37 @@ fn holes(surface: &Bilaplacian, to_fill: impl Fn(usize) -> bool) -> Vec<Vec<usiz
     holes
 }
 
-/// Rows of one hole: Q_uu w_u = −Q_uk w_k for every bone around it.
-fn fill(surface: &Bilaplacian, hole: &[usize], rows: &[Row]) -> Result<Vec<Row>, SpectralError> {
+/// A row w₀ that what is filled is drawn to, and how firmly: A² share / ℓ⁴, as the form is A · uᵀ K M⁻¹ K u.
+#[derive(Debug, Clone)]
+struct Pull {
+    row: Row,
+    firmness: f64,
+}
+
+/// Rows of one hole: (Q_uu + P) w_u = P w₀ − Q_uk w_k for every bone in and around it.
+fn fill(
+    surface: &Bilaplacian,
+    hole: &[usize],
+    rows: &[Row],
+    pulls: &[Option<Pull>],
+) -> Result<Vec<Row>, SpectralError> {
     let mut bones: Vec<u32> = Vec::new();
     for &v in hole {
         let around = surface.form.column(v).0.iter().flat_map(|&n| &rows[n]);
-        bones.extend(around.map(|entry| entry.0));
+        let own = pulls[v].iter().flat_map(|pull| &pull.row);
+        bones.extend(around.chain(own).map(|entry| entry.0));
     }
     bones.sort_unstable();
     bones.dedup();
     let mut right = vec![0.0; hole.len() * bones.len()];
     for (at, &v) in hole.iter().enumerate() {
+        if let Some(Pull { row, firmness }) = &pulls[v] {
+            for (bone, weight) in row {
+                if let Ok(column) = bones.binary_search(bone) {
+                    right[column * hole.len() + at] += firmness * weight;
+                }
+            }
+        }
         let (neighbours, values) = surface.form.column(v);
         for (&n, value) in neighbours.iter().zip(values) {
             for (bone, weight) in &rows[n] {
@@ -149,7 +200,8 @@ fn fill(surface: &Bilaplacian, hole: &[usize], rows: &[Row]) -> Result<Vec<Row>,
             }
         }
     }
-    let matrix = surface.form.principal_submatrix(hole)?;
+    let firmness: Vec<f64> = hole.iter().map(|&v| pulls[v].as_ref().map_or(0.0, |p| p.firmness)).collect();
+    let matrix = surface.form.principal_submatrix(hole)?.add_scaled_diagonal(1.0, &firmness)?;
     let cholesky = factor(&SymbolicCholesky::new(&matrix)?, &matrix)?;
     cholesky.solve_in_place(&mut right, bones.len())?;
     let row = |at: usize| {
@@ -234,7 +286,8 @@ mod tests {
     const UNSMOOTHED: InpaintSettings = InpaintSettings { smoothing_rounds: 0 };
 
     fn run(mesh: &TriangleMesh, rows: &[Row], known: &[bool], settings: &InpaintSettings) -> Inpainted {
-        inpaint(mesh, rows, known, settings, &Progress::new()).unwrap()
+        let known: Vec<Known> = known.iter().map(|&known| Known::exactly(known)).collect();
+        inpaint(mesh, rows, &known, settings, &Progress::new()).unwrap()
     }
 
     /// Weight of bone 1 falls from 1 to 0 along x; bone 0 has the rest.
@@ -278,6 +331,55 @@ mod tests {
             let cubic = t * t * (3.0 - 2.0 * t);
             assert!((weight(row, 7) - cubic).abs() < 0.05, "{} {cubic}", weight(row, 7));
         }
+    }
+
+    #[test]
+    fn rows_known_within_a_reach_are_means_over_it() {
+        let tube = tube(0.3, 3.0, 32, 90);
+        let rows: Vec<Row> =
+            tube.vertices().iter().map(|p| vec![(if p.z < 1.5 { 3 } else { 7 }, 1.0)]).collect();
+        // Where the weight of the upper bone is a half: half way between the plateaus, and how fast it grows.
+        let slope = |reach: f64| {
+            let known = vec![Known::Within(reach); rows.len()];
+            let found = inpaint(&tube, &rows, &known, &UNSMOOTHED, &Progress::new()).unwrap();
+            assert!(found.unreached.is_empty());
+            let ring = |z: f64| {
+                let near = (0..rows.len()).filter(|&v| (tube.vertices()[v].z - z).abs() < 0.01);
+                near.map(|v| weight(&found.rows[v], 7)).sum::<f64>() / 32.0
+            };
+            for (row, point) in found.rows.iter().zip(tube.vertices()) {
+                assert!((row.iter().map(|entry| entry.1).sum::<f64>() - 1.0).abs() < 1e-12);
+                let plateau = if point.z < 1.5 { 0.0 } else { 1.0 };
+                let is_far = (point.z - 1.5).abs() > 8.0 * reach.max(0.01);
+                assert!(!is_far || (weight(row, 7) - plateau).abs() < 0.01, "{point}");
+            }
+            ring(1.6) - ring(1.4)
+        };
+        let [sharp, soft, softer] = [1e-3, 0.05, 0.1].map(slope);
+        assert!((sharp - 1.0).abs() < 1e-3 && sharp > soft + 0.02 && soft > softer + 0.1, "{soft} {softer}");
+    }
+
+    #[test]
+    fn what_is_known_exactly_stays_and_nearer_rows_say_more() {
+        let grid = grid(20);
+        let at = |p: &glam::DVec3| p.x < 0.05;
+        let rows: Vec<Row> = grid.vertices().iter().map(|p| vec![(u32::from(!at(p)), 1.0)]).collect();
+        let fill = |reach: f64| {
+            let known = |p: &glam::DVec3| if at(p) { Known::Exactly } else { Known::Within(reach) };
+            let known: Vec<Known> = grid.vertices().iter().map(known).collect();
+            inpaint(&grid, &rows, &known, &UNSMOOTHED, &Progress::new()).unwrap().rows
+        };
+        let [near, far] = [fill(0.05), fill(0.3)];
+        let mut differ = 0;
+        for (v, p) in grid.vertices().iter().enumerate() {
+            if at(p) {
+                assert_eq!([&near[v], &far[v]], [&rows[v]; 2]);
+            } else if p.x < 0.3 {
+                assert!(weight(&near[v], 1) >= weight(&far[v], 1) - 1e-9);
+                differ += usize::from(weight(&near[v], 1) > weight(&far[v], 1) + 0.1);
+            }
+        }
+        assert!(differ > 20, "{differ}");
     }
 
     #[test]
@@ -356,7 +458,7 @@ mod tests {
         progress.cancel();
         let mesh = icosphere(1);
         let rows = vec![vec![(0, 1.0)]; mesh.vertex_count()];
-        let known = vec![true; mesh.vertex_count()];
+        let known = vec![Known::Exactly; mesh.vertex_count()];
         let outcome = inpaint(&mesh, &rows, &known, &InpaintSettings::default(), &progress);
         assert!(matches!(outcome, Err(SpectralError::Cancelled(_))));
     }

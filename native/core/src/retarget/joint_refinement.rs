@@ -47,6 +47,8 @@ const TWIST_STEP: f64 = 0.15;
 const TWIST_LIMIT: f64 = 0.6;
 /// Cosine of the largest angle between normals that may meet.
 const NORMALS: f64 = 0.5;
+/// Nothing meets beyond this share of the extent: a garment covers a part of the body.
+const FARTHEST: f64 = 0.1;
 /// Of a large surface about so many points of every bone take part.
 const POINTS_OF_BONE: usize = 300;
 
@@ -185,6 +187,8 @@ impl PointsThatMeet {
             let cosine = if both || source.shell.two_sided[vertex as usize] { cosine.abs() } else { cosine };
             let agreement = ((cosine - NORMALS) / (0.4 * (1.0 - NORMALS))).clamp(0.0, 1.0);
             // Skin beyond the edge of a garment has nothing to meet.
+            let near = (2.0 * (1.0 - closest.distance / (FARTHEST * target.shell.extent))).clamp(0.0, 1.0);
+            let agreement = agreement * near;
             (agreement > 0.0 && !target.shell.is_on_open_edge(target.mesh, &closest)).then(|| Meeting {
                 vertex,
                 count,

@@ -9,6 +9,8 @@ use crate::spectral::SpectralError;
 
 /// How much longer than the straight way the way along the surface may be.
 const DETOUR: f64 = 3.0;
+/// Both faces of a cloth lie this near to each other, as a share of the extent.
+const CLOTH: f64 = 0.01;
 /// Least share of a part that makes even a small patch stand.
 const MOST_OF_PART: f64 = 0.5;
 
@@ -123,6 +125,10 @@ impl Neighbours {
         let corners = self.target.triangles()[home.triangle as usize];
         // Another layer or part right there is no contradiction: it lies where this one does.
         if self.components[corners[0] as usize] != self.components[own as usize] {
+            return true;
+        }
+        // So does the other face of a thin cloth.
+        if target.shell.two_sided[v] && home.position.distance(point) <= CLOTH * target.shell.extent {
             return true;
         }
         let near = |corner: &u32| *corner == own || self.neighbours(v).contains(corner);

@@ -9,6 +9,7 @@ mod bone_rotations;
 mod bones;
 mod bound_alike;
 mod chains;
+mod cloth;
 pub mod deform;
 mod differing_shapes;
 mod error;

@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-use super::inpaint::{InpaintSettings, inpaint};
+use super::inpaint::{InpaintSettings, Known, inpaint};
 use super::loose_parts::follow;
 use super::parts::{MATCHED, Part, PartPolicy, SourceWeights, mean_row};
 use super::shell::{extent, tie_break};
@@ -33,22 +33,25 @@ pub fn weigh_parts(
     target: &TriangleMesh,
     parts: &[Part],
     rows: &[Row],
-    known: &[bool],
+    known: &[Known],
     source: SourceWeights<'_>,
     settings: &InpaintSettings,
     progress: &Progress,
 ) -> Result<PartWeights, SpectralError> {
     let mut parts = parts.to_vec();
-    let (mut rows, mut is_known) = (rows.to_vec(), vec![false; target.vertex_count()]);
+    let (mut rows, mut is_known) = (rows.to_vec(), vec![Known::Nothing; target.vertex_count()]);
     for part in parts.iter().filter(|part| part.policy == PartPolicy::Match) {
         for &v in &part.vertices {
-            is_known[v as usize] = known[v as usize] && !rows[v as usize].is_empty();
+            if !rows[v as usize].is_empty() {
+                is_known[v as usize] = known[v as usize];
+            }
         }
-        let matched = part.vertices.iter().filter(|v| is_known[**v as usize]).count() as f64;
+        let tells = |v: &&u32| is_known[**v as usize] != Known::Nothing;
+        let matched = part.vertices.iter().filter(tells).count() as f64;
         let enough = matched >= MATCHED[2] * part.vertices.len() as f64;
         if let (Some(like), false) = (&part.like, enough) {
             for (v, row) in like_rows(target, &part.vertices, source, like)? {
-                (rows[v as usize], is_known[v as usize]) = (row, true);
+                (rows[v as usize], is_known[v as usize]) = (row, Known::Exactly);
             }
         }
     }
@@ -63,8 +66,9 @@ pub fn weigh_parts(
         }
         part.vertices.iter().for_each(|&v| done[v as usize] = reached);
     }
+    let nothing = |v: usize| is_known[v] == Known::Nothing;
     let inpainted =
-        (0..target.vertex_count() as u32).filter(|&v| done[v as usize] && !is_known[v as usize]).collect();
+        (0..target.vertex_count() as u32).filter(|&v| done[v as usize] && nothing(v as usize)).collect();
     // What the other parts go with: the matched parts, or the source where there are none.
     let body_rows: Vec<Row> =
         rows.iter().zip(&done).map(|(row, done)| if *done { row.clone() } else { Row::new() }).collect();
@@ -242,7 +246,8 @@ mod tests {
             let parts = plan_parts(&target, &self.matched, source, &choice);
             let rows: Vec<Row> = self.target.vertices().iter().map(|&p| ramp(p)).collect();
             let settings = InpaintSettings::default();
-            weigh_parts(&target, &parts, &rows, &self.matched, source, &settings, &Progress::new()).unwrap()
+            let known: Vec<Known> = self.matched.iter().map(|&matched| Known::exactly(matched)).collect();
+            weigh_parts(&target, &parts, &rows, &known, source, &settings, &Progress::new()).unwrap()
         }
 
         fn weigh(&self, wish: PartPolicy) -> PartWeights {

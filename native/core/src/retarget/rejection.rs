@@ -31,6 +31,8 @@ pub struct RejectionSettings {
     pub max_depth: f64,
     /// Whether a match on the body's other wall may stand in for a closest point that fails.
     pub other_wall: bool,
+    /// Whether the target's point closest to the match must lie near the vertex along the target.
+    pub way_back: bool,
     /// Largest factor by which the ends of an edge may lie farther apart on the source.
     pub max_stretch: f64,
 }
@@ -42,6 +44,7 @@ impl Default for RejectionSettings {
             max_distance: 0.02,
             max_depth: 0.5,
             other_wall: true,
+            way_back: true,
             max_stretch: f64::INFINITY,
         }
     }
@@ -85,7 +88,7 @@ pub fn match_surfaces(
             return Verdict::default();
         }
         let consistent = edges.consistent(v, &candidates, source, ball);
-        let returns = edges.returns(v, &candidates[v], target, ball);
+        let returns = !settings.way_back || edges.returns(v, &candidates[v], target, ball);
         Verdict { consistent, returns }
     })?;
     let passes: Vec<bool> = (0..count)
@@ -237,6 +240,23 @@ mod tests {
             assert!(found.iter().all(|m| m.accepted), "one layer");
         }
         let found = run(&body, &joined(&outer, &inner));
+        let share = found.iter().filter(|m| m.accepted).count() as f64 / found.len() as f64;
+        assert!(share > 0.95, "{share}");
+    }
+
+    #[test]
+    fn a_cloth_of_two_layers_that_a_hem_joins_matches_on_both() {
+        // Up outside, around the hem, down inside.
+        let profile = |s: f64| match s - 1.0 {
+            up if up < -0.002 => (0.52, 0.5 + up + 1.0),
+            down if down > 0.002 => (0.516, 1.5 - down),
+            _ => (0.518, 1.502),
+        };
+        let cloth = mapped(&tube(1.0, 2.0, 48, 96), |p| {
+            let (radius, height) = profile(p.z);
+            DVec3::new(radius * p.x, radius * p.y, height)
+        });
+        let found = run(&tube(0.5, 2.0, 48, 60), &cloth);
         let share = found.iter().filter(|m| m.accepted).count() as f64 / found.len() as f64;
         assert!(share > 0.95, "{share}");
     }

@@ -14,7 +14,7 @@ use crate::progress::{Cancelled, Progress};
 use crate::rig::Skeleton;
 
 /// Joints that agree to this share of the extent tell the place exactly.
-const EXACT: f64 = 1e-3;
+pub(super) const EXACT: f64 = 1e-3;
 /// Rounds of closest points where joints do not,
 const ROUNDS: u32 = 30;
 /// which end when points move less than this share of the extent,

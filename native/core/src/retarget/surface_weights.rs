@@ -7,9 +7,10 @@ use kdtree::distance::squared_euclidean;
 use rayon::prelude::*;
 
 use super::auto::{mesh_error, spectral_error};
+use super::cloth::told;
 use super::differing_shapes::on_vertices;
 use super::icp::Surroundings;
-use super::inpaint::InpaintSettings;
+use super::inpaint::{InpaintSettings, Known};
 use super::part_weights::{PartWeights, weigh_parts};
 use super::parts::{Part, PartPolicy, SourceWeights, plan_parts};
 use super::rejection::{RejectionSettings, SurfaceMatch, match_surfaces};
@@ -41,10 +42,10 @@ pub(super) struct TakenOver {
 }
 
 /// Takes the weights of `source`, which lies on the target, over to it. `tests` are those of the matches,
-/// `filling` says how the rest is filled.
+/// `worn` says that the target is cloth on the source.
 pub(super) fn take_over(
     (source, weights): (&TriangleMesh, &SkinWeights),
-    (tests, filling): (&RejectionSettings, &InpaintSettings),
+    (tests, worn): (&RejectionSettings, bool),
     target: Surroundings<'_>,
     choice: &ResolvedChoice<PartPolicy>,
     progress: &Progress,
@@ -64,7 +65,13 @@ pub(super) fn take_over(
     let accepted: Vec<bool> = matches.iter().map(|found| found.accepted).collect();
     let depth = FAR_FROM_MATCHES * target.shell.extent;
     let far = far_from_matches(target.mesh.vertices(), &accepted, depth);
-    let known: Vec<bool> = accepted.iter().zip(&far).map(|(accepted, far)| *accepted || *far).collect();
+    let known = |v: usize| match (accepted[v], far[v]) {
+        (true, _) if worn => told(target, v, source, &matches[v]),
+        (true, _) => Known::Exactly,
+        (false, true) if !worn => told(target, v, source, &matches[v]),
+        (false, _) => Known::Nothing,
+    };
+    let known: Vec<Known> = (0..accepted.len()).map(known).collect();
     let vertices = target.mesh.vertices().par_iter();
     let rows: Vec<Row> = matches
         .par_iter()
@@ -85,8 +92,10 @@ pub(super) fn take_over(
         .collect();
     let placed = SourceWeights { surface, rows: &source_rows };
     let parts = plan_parts(target.mesh, &accepted, placed, choice);
+    // What is a mean already needs no smoothing.
+    let filling = if worn { InpaintSettings { smoothing_rounds: 0 } } else { InpaintSettings::default() };
     let filled =
-        weigh_parts(target.mesh, &parts, &rows, &known, placed, filling, progress).map_err(spectral)?;
+        weigh_parts(target.mesh, &parts, &rows, &known, placed, &filling, progress).map_err(spectral)?;
     let origin = origins(&filled, &accepted);
     Ok(TakenOver {
         rows: filled.rows,
