@@ -109,7 +109,8 @@ impl JointContact {
             inwards: offset.dot(fold.inwards),
             across: offset.dot(across),
             beyond,
-            height: beyond - (1.0 - facing) * 2.0 * self.radius,
+            // All of a limb counts for its side: what turns away comes and goes as it turns.
+            height: beyond,
             facing,
             below: candidate.below,
         }

@@ -16,7 +16,7 @@ pub(super) struct Place {
     pub across: f32,
     /// Height over the plane, towards the other side.
     pub beyond: f32,
-    /// That height for the field: lower where the surface is turned away.
+    /// That height for the field: lower where another limb's surface is turned away.
     pub height: f32,
     /// How far the surface is turned towards the other side, from 0 to 1.
     pub facing: f32,
