@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+import igl
 import numpy as np
 import pytest
 from deformation import (
@@ -94,6 +95,23 @@ def test_a_tight_fold_does_not_flicker():
     changes = [np.linalg.norm(b - a, axis=1).max() for a, b in pairwise(corrections)]
     print(f"largest change between half degrees: {max(changes) / np.median(changes):.1f} times the median")
     assert max(changes) <= 3 * np.median(changes)
+
+
+def test_flesh_fills_the_crease_behind_a_knee(person):
+    """The back of the thigh lies nearer to the calf than where only touching parts them: a slit there shows light."""
+    mesh, skeleton, weights, skin = person
+    dense, names = weights.to_dense(), list(skeleton.names)
+    knee, foot = (skeleton.heads[names.index(bone)][2] for bone in ("calf_l", "foot_l"))
+    height = (mesh.vertices[:, 2] - knee) / (knee - foot)
+    thigh, calf = (dense[:, names.index(bone)] > 0.5 for bone in ("thigh_l", "calf_l"))
+    behind = igl.per_vertex_normals(mesh.vertices, mesh.triangles.astype(np.int64))[:, 1] > 0.7
+    crease = thigh & behind & (height > 0.02) & (height < 0.2)
+    assert crease.sum() > 10
+    surface = skin.solve(turned(skeleton, {"calf_l": [np.radians(120), 0, 0]})).astype(float)
+    calf = mesh.triangles[calf[mesh.triangles].all(axis=1)].astype(np.int64)
+    gap = np.sqrt(igl.point_mesh_squared_distance(surface[crease], surface, calf)[0]).mean()
+    print(f"mean way from the thigh to the calf behind a knee bent by 120 degrees: {1e3 * gap:.1f} mm")
+    assert gap <= 0.012
 
 
 def test_an_arm_dents_the_trunk_instead_of_passing_into_it(person):

@@ -94,7 +94,7 @@ impl CageContacts {
         let now = &*particles;
         each_fold(island, &mut self.joints, |contact, fold, joint| {
             let JointScratch { candidates, near, contact: found, .. } = joint;
-            if near.is_empty() || (!refill && found.level <= 0.0) {
+            if near.is_empty() || (!refill && found.level.is_none()) {
                 found.pushes.clear();
                 return;
             }
@@ -108,7 +108,7 @@ impl CageContacts {
             if fold.is_none() {
                 continue;
             }
-            if refill || found.level > 0.0 {
+            if refill || found.level.is_some() {
                 work.contact_candidates += near.len();
             }
             for push in &found.pushes {

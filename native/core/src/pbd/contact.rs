@@ -18,7 +18,7 @@ pub(super) struct ContactVertex {
     pub normal: Vec3,
     /// How far the vertex is beyond the middle of the fold in rest.
     pub rest_overlap: f32,
-    /// How far it is shut in there in rest, from 0 to 1.
+    /// How far it is shut in, or in a narrow gap, in rest, from 0 to 1.
     pub rest_shut_in: f32,
 }
 
@@ -71,15 +71,17 @@ const LEAST_PUSH: f32 = 1e-4;
 pub(super) struct Firmness {
     /// Share of the way that closes a hollow.
     pub pull: f32,
+    /// And of the way that closes the narrow gap of a deep bend.
+    pub fill: f32,
     /// Overlap of which half is left, in gaps at which the sides begin to feel each other; 0 leaves none.
     pub softness: f32,
 }
 
 impl Firmness {
     /// Of the cage, which is pushed again and again while it is solved.
-    pub(super) const CAGE: Self = Self { pull: 0.1, softness: 0.3 };
+    pub(super) const CAGE: Self = Self { pull: 0.1, fill: 0.2, softness: 0.3 };
     /// Of the surface in the end.
-    pub(super) const SURFACE: Self = Self { pull: 0.25, softness: 0.0 };
+    pub(super) const SURFACE: Self = Self { pull: 0.25, fill: 0.2, softness: 0.0 };
 }
 
 /// Buffers of the contact search.
@@ -87,8 +89,8 @@ impl Firmness {
 pub(super) struct ContactScratch {
     places: Vec<Place>,
     field: FoldField,
-    /// How far the sides were in contact at the last fill; 0 when they are apart.
-    pub level: f32,
+    /// How far the sides were in contact at the last fill; `None` when they did not feel each other.
+    pub level: Option<f32>,
     /// The result.
     pub pushes: Vec<Push>,
 }
@@ -107,7 +109,8 @@ impl JointContact {
             inwards: offset.dot(fold.inwards),
             across: offset.dot(across),
             beyond,
-            height: beyond - (1.0 - facing) * 2.0 * self.radius,
+            // All of a limb counts for its side: what turns away comes and goes as it turns.
+            height: beyond,
             facing,
             below: candidate.below,
         }
@@ -150,7 +153,7 @@ impl JointContact {
     }
 
     /// Pushes that bring every listed candidate in contact back towards its own side (eq. 13, 14), and
-    /// those in a hollow that contact closes off towards the other side; `positions` are those of the
+    /// those in a hollow that contact closes off, or in the narrow gap of a deep bend, towards the other side; `positions` are those of the
     /// list.
     ///
     /// Over the plane each side is a height field. Where the two overlap, both go back to the surface
@@ -171,13 +174,11 @@ impl JointContact {
         places.extend(vertices.zip(positions).map(|(v, &p)| self.place(fold, v, p)));
         let scale = self.scale();
         if refill {
-            *level = field.fill(places, &scale);
+            *level = field.fill(places, &scale, fold.deep);
         }
-        if *level <= 0.0 {
-            return;
-        }
+        let &mut Some(level) = level else { return };
         let thickness = THICKNESS * self.radius;
-        let all = *level * self.resolved() * fold.strength;
+        let all = self.resolved() * fold.strength;
         for (listed, place) in (0..).zip(places.iter()) {
             if place.inwards <= 0.0 {
                 continue;
@@ -189,17 +190,18 @@ impl JointContact {
                 if over <= 0.0 {
                     continue;
                 }
-                over * over / (over + firmness.softness * scale.margin)
+                level * over * over / (over + firmness.softness * scale.margin)
             } else {
                 let located = field.locate(place);
-                let shut_in = field.shut_in(located) * fold.set_in * (1.0 - vertex.rest_shut_in);
-                if shut_in <= 0.0 {
+                let small = smoothstep(2.0 + 2.0 * field.overlap(located) / scale.radius);
+                let hollow = level * firmness.pull * field.shut_in(located) * small;
+                let closes = hollow.max(firmness.fill * field.narrow(located));
+                if closes <= 0.0 {
                     continue;
                 }
                 let hidden = (field.envelope(place.below, located) - place.beyond) / (2.0 * scale.step);
                 let seen = (1.0 - hidden).clamp(0.0, 1.0);
-                let small = smoothstep(2.0 + 2.0 * field.overlap(located) / scale.radius);
-                firmness.pull * beyond * shut_in * seen * small
+                closes * beyond * seen * fold.set_in * (1.0 - vertex.rest_shut_in)
             };
             let amount = amount * all * place.facing * (place.inwards / self.spacing).min(1.0);
             if amount.abs() > LEAST_PUSH * self.spacing {

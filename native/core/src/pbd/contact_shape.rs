@@ -17,13 +17,15 @@ impl JointContact {
             Some(fold) => self.vertices.iter().zip(positions).map(|(v, &p)| self.place(fold, v, p)).collect(),
             None => Vec::new(),
         };
-        let meets = fold.is_some() && field.fill(&places, &self.scale()) > 0.0;
+        let deep = fold.map_or(0.0, |fold| fold.deep);
+        let meets = fold.is_some() && field.fill(&places, &self.scale(), deep).is_some();
         let thickness = THICKNESS * self.radius;
         for (index, vertex) in self.vertices.iter_mut().enumerate() {
             (vertex.rest_shut_in, vertex.rest_overlap) = (0.0, 0.0);
             if meets {
                 let place = &places[index];
-                vertex.rest_shut_in = field.shut_in(field.locate(place));
+                let located = field.locate(place);
+                vertex.rest_shut_in = field.shut_in(located).max(field.narrow(located));
                 let beyond = place.beyond - field.middle(place) + thickness;
                 vertex.rest_overlap = field.sunk(place, beyond).max(0.0);
             }

@@ -5,6 +5,7 @@
 use glam::{Mat3, Vec3};
 
 use super::fold_grid::{Grid, Located, blur, spread};
+use super::fold_profile::FoldProfile;
 
 /// Where a candidate is over the projection plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,7 +16,7 @@ pub(super) struct Place {
     pub across: f32,
     /// Height over the plane, towards the other side.
     pub beyond: f32,
-    /// That height for the field: lower where the surface is turned away.
+    /// That height for the field: lower where another limb's surface is turned away.
     pub height: f32,
     /// How far the surface is turned towards the other side, from 0 to 1.
     pub facing: f32,
@@ -28,7 +29,7 @@ pub(super) struct Place {
 pub(super) struct FieldScale {
     /// Distance of the grid's nodes: that of neighbouring candidates.
     pub step: f32,
-    /// Gap at which the sides begin to feel each other.
+    /// Gap at which the sides begin to feel each other, if the bend is not deep.
     pub margin: f32,
     /// How much too low the heights may be.
     pub slack: f32,
@@ -37,7 +38,7 @@ pub(super) struct FieldScale {
 }
 
 /// Most nodes along each axis; the step grows where there would be more.
-const MOST_NODES: usize = 64;
+pub(super) const MOST_NODES: usize = 64;
 /// Reach of a candidate's say in the heights, in steps.
 const KERNEL: f32 = 1.5;
 /// Say of the envelope of cones against that of the candidates themselves.
@@ -47,8 +48,8 @@ const ENVELOPE_LACK: f32 = 0.35;
 /// Say of the projection plane in the plane half way, in candidates' says: where little touches, it is
 /// not tilted far.
 const PRIOR: f32 = 2.0;
-/// From here on, in radii along the bend, sides that come near are past the fold's root.
-const PAST_ROOT: f32 = 0.75;
+/// Gap, in radii, from which on the flesh of a deep bend's sides begins to fill it.
+const NARROW: f32 = 0.45;
 
 /// The field on a grid, with its buffers.
 #[derive(Debug, Clone, Default)]
@@ -56,54 +57,60 @@ pub(super) struct FoldField {
     grid: Grid,
     /// That of the scale.
     slack: f32,
-    /// Highest place of each side.
-    highest: [f32; 2],
-    /// Heights of both sides along the bend.
-    profiles: [Vec<f32>; 2],
+    profile: FoldProfile,
     envelopes: [Vec<f32>; 2],
     sums: [Vec<[f32; 2]>; 2],
     /// The plane half way: height at the joint, slopes along and across the bend.
     middle: Vec3,
     overlap: Vec<f32>,
+    /// Share of both sides that is known at each node.
+    known: Vec<f32>,
     shut_in: Vec<f32>,
+    narrow: Vec<f32>,
     buffer: Vec<f32>,
 }
 
 impl FoldField {
-    /// Fills the field from the places of both sides and returns how far they are in contact, from 0
-    /// (the field is not filled) to 1.
-    pub(super) fn fill(&mut self, places: &[Place], scale: &FieldScale) -> f32 {
+    /// Fills the field from the places of both sides of a bend that is so `deep`, from 0 to 1, and returns how
+    /// far they are in contact, from 0 to 1; `None`, and no field, where they do not feel each other.
+    pub(super) fn fill(&mut self, places: &[Place], scale: &FieldScale, deep: f32) -> Option<f32> {
         self.slack = scale.slack;
-        let level = self.contact_level(places, scale);
-        if level <= 0.0 {
-            return 0.0;
+        let level = self.profile.contact_level(places, scale);
+        if level <= 0.0 && deep <= 0.0 {
+            return None;
         }
-        let highest = self.highest;
+        let highest = self.profile.highest;
         let reach = |place: &&Place| {
             let other = highest[usize::from(!place.below)];
             place.inwards > -scale.step && place.height + other > -scale.radius - scale.margin
         };
         if !self.lay_out(places.iter().filter(reach), scale.step) {
-            return 0.0;
+            return None;
         }
         self.raise(places.iter().filter(reach).map(|place| (place, 1.0)));
-        if !self.meet(scale, 0.5, 0.0) {
-            return 0.0;
+        let narrow = NARROW * scale.radius;
+        let felt = if deep > 0.0 { narrow.max(scale.margin) } else { scale.margin };
+        if !self.meet(felt) {
+            return None;
         }
+        self.fit_middle(scale, 0.5, 0.0);
         self.shut(scale);
-        level
+        self.narrow.clear();
+        let nodes = self.overlap.iter().zip(&self.known);
+        self.narrow.extend(nodes.map(|(overlap, known)| deep * known * smoothstep(1.0 + overlap / narrow)));
+        blur(&mut self.narrow, &mut self.buffer, self.grid.size);
+        Some(level)
     }
 
     /// Fills the field from the places of two sides that have no root in common, and returns how deep they
     /// overlap, at most; 0 where they are apart. The side above goes back by a share of it.
     pub(super) fn fill_open(&mut self, places: &[Place], scale: &FieldScale, share: f32) -> f32 {
         self.slack = scale.slack;
-        self.highest = [f32::NEG_INFINITY; 2];
+        let mut highest = [f32::NEG_INFINITY; 2];
         for place in places {
-            let highest = &mut self.highest[usize::from(place.below)];
+            let highest = &mut highest[usize::from(place.below)];
             *highest = highest.max(place.height);
         }
-        let highest = self.highest;
         let reach = |place: &Place| {
             let other = highest[usize::from(!place.below)];
             ((place.height + other + scale.radius) / scale.margin + 1.0).min(1.0)
@@ -113,63 +120,15 @@ impl FoldField {
             return 0.0;
         }
         self.raise(places.iter().map(|place| (place, reach(place))).filter(|(_, reach)| *reach > 0.0));
-        if !self.meet(scale, share, f32::NEG_INFINITY) {
+        if !self.meet(scale.margin) {
             return 0.0;
         }
-        let sums = self.sums[0].iter().zip(&self.sums[1]);
-        let known = sums.map(|(a, b)| a[1].min(1.0) * b[1].min(1.0));
-        let deepest =
-            self.overlap.iter().zip(known).map(|(overlap, known)| overlap * known).fold(0.0, f32::max);
+        self.fit_middle(scale, share, f32::NEG_INFINITY);
+        let overlaps = self.overlap.iter().zip(&self.known);
+        let deepest = overlaps.map(|(overlap, known)| overlap * known).fold(0.0, f32::max);
         // No farther than so deep, so that nothing moves at the first touch.
         self.slack = scale.slack.min(deepest);
         deepest
-    }
-
-    /// How far the sides are in contact, seen along the bend alone: both always meet at the fold's
-    /// root, so what counts is overlap, or that they come near each other again farther out.
-    fn contact_level(&mut self, places: &[Place], scale: &FieldScale) -> f32 {
-        let farthest = places.iter().map(|place| place.inwards).fold(0.0, f32::max);
-        self.highest = [f32::NEG_INFINITY; 2];
-        if !farthest.is_finite() {
-            return 0.0;
-        }
-        let step = scale.step.max(farthest / MOST_NODES as f32);
-        let count = (farthest / step) as usize + 2;
-        for line in &mut self.profiles {
-            line.clear();
-            line.resize(count, f32::NEG_INFINITY);
-        }
-        for place in places {
-            let side = usize::from(place.below);
-            // Behind the joint it counts by the cone that reaches past it, so that none sets in as it passes.
-            let height = place.height + place.inwards.min(0.0);
-            self.highest[side] = self.highest[side].max(height);
-            let t = place.inwards.max(0.0) / step;
-            let node = (t as usize).min(count - 2);
-            let t = t - node as f32;
-            let line = &mut self.profiles[side];
-            line[node] = line[node].max(height - t * step);
-            line[node + 1] = line[node + 1].max(height - (1.0 - t) * step);
-        }
-        for line in &mut self.profiles {
-            for i in 1..count {
-                line[i] = line[i].max(line[i - 1] - step);
-            }
-            for i in (1..count).rev() {
-                line[i - 1] = line[i - 1].max(line[i] - step);
-            }
-        }
-        let [above, below] = &self.profiles;
-        let (mut level, mut narrowest) = (0.0f32, f32::INFINITY);
-        for (i, (a, b)) in above.iter().zip(below).enumerate() {
-            let overlap = a + b;
-            narrowest = narrowest.min(overlap);
-            let near = smoothstep(1.0 + overlap / scale.margin);
-            let again = smoothstep((overlap - narrowest) / scale.margin);
-            let past_root = smoothstep(2.0 * (i as f32 * step / scale.radius - PAST_ROOT));
-            level = level.max(near * again.max(past_root)).max(smoothstep(overlap / scale.step));
-        }
-        level
     }
 
     /// Chooses the grid: nodes at whole steps from the joint, so that they stay where they are from
@@ -255,28 +214,26 @@ impl FoldField {
         }
     }
 
-    /// Overlap and middle of the heights; false where the sides are too far apart everywhere. For the middle
-    /// counts what lies farther along the bend than `root`.
-    fn meet(&mut self, scale: &FieldScale, share: f32, root: f32) -> bool {
+    /// Overlap of the heights; false where the sides are farther apart than `felt` everywhere.
+    fn meet(&mut self, felt: f32) -> bool {
         let [above, below] = &self.envelopes;
         self.overlap.clear();
         self.overlap.extend(above.iter().zip(below).map(|(a, b)| a + b));
-        if !self.overlap.iter().any(|&overlap| overlap > -scale.margin) {
-            return false;
-        }
-        self.fit_middle(scale, share, root);
-        true
+        let sums = self.sums[0].iter().zip(&self.sums[1]);
+        self.known.clear();
+        self.known.extend(sums.map(|(a, b)| a[1].min(1.0) * b[1].min(1.0)));
+        self.overlap.iter().any(|&overlap| overlap > -felt)
     }
 
     /// The plane between the sides, a share of the way down from the side above, by least squares, those
-    /// nodes before all where the sides are close. One plane for both sides: what it parts cannot cross.
+    /// nodes before all where the sides are close and that lie farther along the bend than `root`. One plane
+    /// for both sides: what it parts cannot cross.
     fn fit_middle(&mut self, scale: &FieldScale, share: f32, root: f32) {
         let above = &self.envelopes[0];
-        let known = self.sums[0].iter().zip(&self.sums[1]).map(|(a, b)| a[1].min(1.0) * b[1].min(1.0));
         let lever = scale.radius.powi(2);
         let mut normal = Mat3::from_diagonal(Vec3::new(1.0, lever, lever) * PRIOR);
         let mut right = Vec3::ZERO;
-        for (node, known) in known.enumerate() {
+        for (node, &known) in self.known.iter().enumerate() {
             let (i, j) = (node % self.grid.size[0], node / self.grid.size[0]);
             let x = self.grid.origin[0] + i as f32 * self.grid.step;
             let y = self.grid.origin[1] + j as f32 * self.grid.step;
@@ -294,12 +251,9 @@ impl FoldField {
 
     /// How far each node is shut in: what touches farther from the joint closes off what is nearer.
     fn shut(&mut self, scale: &FieldScale) {
-        let sums = self.sums[0].iter().zip(&self.sums[1]);
         self.shut_in.clear();
-        self.shut_in.extend(self.overlap.iter().zip(sums).map(|(overlap, (a, b))| {
-            let known = a[1].min(1.0) * b[1].min(1.0);
-            known * smoothstep(1.0 + overlap / scale.margin)
-        }));
+        let nodes = self.overlap.iter().zip(&self.known);
+        self.shut_in.extend(nodes.map(|(overlap, known)| known * smoothstep(1.0 + overlap / scale.margin)));
         blur(&mut self.shut_in, &mut self.buffer, self.grid.size);
         for line in self.shut_in.chunks_mut(self.grid.size[0]) {
             let mut farther = 0.0f32;
@@ -344,6 +298,12 @@ impl FoldField {
     pub(super) fn shut_in(&self, located: Located) -> f32 {
         self.grid.at(&self.shut_in, located)
     }
+
+    /// How far the gap at a place of a deep bend is so narrow that flesh fills it, from 0 to 1.
+    #[inline]
+    pub(super) fn narrow(&self, located: Located) -> f32 {
+        self.grid.at(&self.narrow, located)
+    }
 }
 
 pub(super) fn smoothstep(t: f32) -> f32 {
@@ -376,7 +336,7 @@ mod tests {
     fn a_hollow_between_sides_that_touch_is_shut_in() {
         let places = sides(0.4, 0.1);
         let mut field = FoldField::default();
-        assert!(field.fill(&places, &SCALE) > 0.99);
+        assert!(field.fill(&places, &SCALE, 0.0).unwrap() > 0.99);
         let at = |inwards: f32| Place {
             inwards,
             across: 0.0,
@@ -399,7 +359,7 @@ mod tests {
     #[test]
     fn a_plane_that_fits_badly_parts_no_farther_than_touching() {
         let mut field = FoldField::default();
-        assert!(field.fill(&sides(0.4, 0.0), &SCALE) > 0.0);
+        assert!(field.fill(&sides(0.4, 0.0), &SCALE, 0.0).unwrap() > 0.0);
         let place = |inwards: f32, beyond: f32| Place {
             inwards,
             across: 0.0,
@@ -416,6 +376,26 @@ mod tests {
     }
 
     #[test]
+    fn flesh_fills_the_narrow_gap_of_a_deep_bend() {
+        let narrow = |gap: f32, deep: f32| {
+            let apart = sides(0.0, 0.0).into_iter().map(|place| {
+                let beyond = place.beyond - 0.5 * gap;
+                Place { beyond, height: beyond, ..place }
+            });
+            let mut field = FoldField::default();
+            let places: Vec<Place> = apart.collect();
+            let level = field.fill(&places, &SCALE, deep)?;
+            Some((level, field.narrow(field.locate(&places[10 * 34 + 16]))))
+        };
+        assert!(narrow(0.3, 0.0).is_none(), "apart, and not deep");
+        let (level, half) = narrow(0.3, 0.5).unwrap();
+        assert!(level == 0.0 && half > 0.05);
+        let (_, whole) = narrow(0.3, 1.0).unwrap();
+        assert!((whole - 2.0 * half).abs() < 1e-6, "{half} {whole}");
+        assert!(narrow(0.1, 1.0).unwrap().1 > 0.6 && narrow(0.5, 1.0).is_none());
+    }
+
+    #[test]
     fn sides_that_part_from_the_root_on_are_not_in_contact() {
         let opened: Vec<Place> = sides(0.0, 0.0)
             .into_iter()
@@ -424,11 +404,14 @@ mod tests {
                 Place { beyond, height: beyond, ..place }
             })
             .collect();
-        assert_eq!(FoldField::default().fill(&opened, &SCALE), 0.0);
+        assert_eq!(FoldField::default().fill(&opened, &SCALE, 0.0), None);
         let one_side: Vec<Place> = opened.into_iter().filter(|place| place.below).collect();
-        assert_eq!(FoldField::default().fill(&one_side, &SCALE), 0.0);
-        assert_eq!(FoldField::default().fill(&[], &SCALE), 0.0);
+        assert_eq!(FoldField::default().fill(&one_side, &SCALE, 0.0), None);
+        assert_eq!(FoldField::default().fill(&[], &SCALE, 0.0), None);
         let absurd = [f32::MAX, f32::INFINITY].map(|inwards| Place { inwards, ..sides(0.0, 0.0)[0] });
-        assert_eq!(FoldField::default().fill(&absurd, &SCALE), 0.0);
+        for deep in [0.0, 1.0] {
+            assert_eq!(FoldField::default().fill(&absurd, &SCALE, deep), None);
+            assert_eq!(FoldField::default().fill(&[], &SCALE, deep), None);
+        }
     }
 }

@@ -11,6 +11,8 @@ use super::self_collision::ProjectionPlane;
 const STRAIGHT: f32 = 0.1;
 /// From here on, 23°, contact counts in full.
 const BENT: f32 = 0.4;
+/// From 90° to 122° the flesh of the two sides comes to fill a narrow gap between them.
+const DEEP: [f32; 2] = [1.41, 1.75];
 
 /// Joints that are turned by less than this cannot bring anything into contact.
 const UNMOVED: f32 = 1e-4;
@@ -25,6 +27,8 @@ pub(super) struct FoldPlane {
     pub towards: [Vec3; 2],
     /// 0 for straight joints, 1 from a moderate bend on, so that contact sets in gently.
     pub strength: f32,
+    /// 0 up to a right angle, 1 where both sides lie along each other.
+    pub deep: f32,
     /// 0 at rest, 1 once the joint has turned some way, so that hollows begin to close gently.
     pub set_in: f32,
     /// How far the joint bends rather than twists, from 0 to 1, and 0 for straight joints: sin² of half
@@ -55,6 +59,7 @@ impl JointContact {
             inwards: inwards / length,
             towards: [in_rest(above), -in_rest(below)],
             strength,
+            deep: smoothstep((length - DEEP[0]) / (DEEP[1] - DEEP[0])),
             set_in,
             bend_share: strength * bend_share,
         })
@@ -84,7 +89,8 @@ mod tests {
         let half = Vec3::new(0.5f32.cos(), 0.5f32.sin(), 0.0);
         assert!(fold.plane.normal.distance(half) < 1e-6);
         assert!(fold.inwards.distance(Vec3::new(-half.y, half.x, 0.0)) < 1e-6);
-        assert_eq!(fold.set_in, 1.0);
+        assert_eq!((fold.set_in, fold.deep), (1.0, 0.0));
+        assert_eq!(contact.fold_plane(&bent(2.2)).unwrap().deep, 1.0);
         assert!((fold.bend_share - 1.0).abs() < 1e-5);
         assert!(contact.fold_plane(&bent(0.0)).is_none(), "straight");
         assert!(contact.fold_plane(&[Affine3A::from_rotation_z(1.0); 2]).is_none(), "turned as a whole");

@@ -19,6 +19,7 @@ mod fit;
 mod fold_field;
 mod fold_grid;
 mod fold_plane;
+mod fold_profile;
 mod island;
 mod lanes;
 #[cfg(target_arch = "x86_64")]
