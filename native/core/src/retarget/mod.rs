@@ -10,6 +10,7 @@ mod bones;
 mod bound_alike;
 mod chains;
 mod cloth;
+mod crease_smoothing;
 pub mod deform;
 mod differing_shapes;
 mod error;

@@ -68,8 +68,7 @@ pub(super) fn take_over(
     let known = |v: usize| match (accepted[v], far[v]) {
         (true, _) if worn => told(target, v, source, &matches[v]),
         (true, _) => Known::Exactly,
-        (false, true) if !worn => told(target, v, source, &matches[v]),
-        (false, _) => Known::Nothing,
+        (false, far) => Known::exactly(far && !worn),
     };
     let known: Vec<Known> = (0..accepted.len()).map(known).collect();
     let vertices = target.mesh.vertices().par_iter();
