@@ -187,7 +187,7 @@ def interpolated_weights(character: Character, points: Floats) -> npt.NDArray[np
     barycentric[~np.isfinite(barycentric).all(axis=1)] = (1.0, 0.0, 0.0)
     barycentric = np.clip(barycentric, 0.0, None)
     weights = np.einsum("nk,nkb->nb", barycentric, character.weights[corners].astype(np.float64))
-    return _normalized(weights)
+    return normalized(weights)
 
 
 def triangulate(vertices: Floats, loop_counts: Integers, loop_indices: Integers) -> Integers:
@@ -303,9 +303,9 @@ def _rig_weights(names: tuple[str, ...], vertex_count: int) -> npt.NDArray[np.fl
         for vertex, value in painted.get(name, []):
             if vertex < vertex_count:
                 dense[vertex, column] += value
-    return _normalized(dense)
+    return normalized(dense)
 
 
-def _normalized(weights: Floats) -> npt.NDArray[np.float32]:
+def normalized(weights: Floats) -> npt.NDArray[np.float32]:
     normalized: npt.NDArray[np.float32] = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
     return normalized

@@ -82,5 +82,5 @@ def _of(character, vertices, triangles, weights):
         vertices=np.ascontiguousarray(vertices[used]),
         loop_counts=np.full(len(triangles), 3, dtype=np.int64),
         loop_indices=corners.ravel().astype(np.int64),
-        weights=makehuman._normalized(np.asarray(weights[used], np.float64)),
+        weights=makehuman.normalized(np.asarray(weights[used], np.float64)),
     )

@@ -2,8 +2,9 @@
 //!
 //! The part of the spectrum of B next to a shift σ is the dominant one of X = (B − σ)⁻¹ (Ericsson &
 //! Ruhe 1980; Grimes, Lewis & Simon 1994). The iteration runs on X (X − ρ), whose parabola leaves
-//! the eigenvalues of X between 0 and ρ, the unwanted ones, below zero. The iteration ends when enough pairs have converged,
-//! are followed by a gap, and are as many as the inertia of B minus a shift in that gap says.
+//! the eigenvalues of X between 0 and ρ, the unwanted ones, below zero. It ends when enough pairs
+//! have converged, are followed by a gap, and are as many as the inertia of B minus a shift in that
+//! gap says.
 
 use rayon::prelude::*;
 
@@ -23,7 +24,7 @@ const SHIFT: f64 = 0.03;
 const CUT: f64 = 1.5;
 
 /// Residual, relative to the eigenvalue, at which a pair counts as converged.
-const CONVERGED: f64 = 1e-9;
+const CONVERGED: f64 = 1e-10;
 
 /// Residual at which an eigenvalue is known well enough to place a shift below it.
 const LOCATED: f64 = 1e-3;

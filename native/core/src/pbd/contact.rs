@@ -153,8 +153,8 @@ impl JointContact {
     }
 
     /// Pushes that bring every listed candidate in contact back towards its own side (eq. 13, 14), and
-    /// those in a hollow that contact closes off, or in the narrow gap of a deep bend, towards the other side; `positions` are those of the
-    /// list.
+    /// those in a hollow that contact closes off, or in the narrow gap of a deep bend, towards the other
+    /// side; `positions` are those of the list.
     ///
     /// Over the plane each side is a height field. Where the two overlap, both go back to the surface
     /// half way between them. All of it varies continuously with the pose.
