@@ -91,6 +91,9 @@ pub(super) struct ContactScratch {
     field: FoldField,
     /// How far the sides were in contact at the last fill; `None` when they did not feel each other.
     pub level: Option<f32>,
+    /// Candidates of the last fill that contact can push until the next one: the others only count for the
+    /// heights of their side.
+    pub pushable: Vec<u32>,
     /// The result.
     pub pushes: Vec<Push>,
 }
@@ -167,7 +170,7 @@ impl JointContact {
         firmness: Firmness,
         scratch: &mut ContactScratch,
     ) {
-        let ContactScratch { places, field, level, pushes } = scratch;
+        let ContactScratch { places, field, level, pushable, pushes } = scratch;
         pushes.clear();
         places.clear();
         let vertices = list.iter().map(|&candidate| &self.vertices[candidate as usize]);
@@ -175,6 +178,9 @@ impl JointContact {
         let scale = self.scale();
         if refill {
             *level = field.fill(places, &scale, fold.deep);
+            let can_be = |(_, place): &(&u32, &Place)| place.facing > 0.0 && place.inwards > -self.spacing;
+            pushable.clear();
+            pushable.extend(list.iter().zip(&*places).filter(can_be).map(|(&candidate, _)| candidate));
         }
         let &mut Some(level) = level else { return };
         let thickness = THICKNESS * self.radius;
