@@ -13,7 +13,7 @@ use super::lanes::Particle;
 use super::stats::Work;
 
 /// Contact sweeps that share the height fields of the folds.
-const FIELD_SWEEPS: usize = 4;
+const FIELD_SWEEPS: usize = 5;
 
 /// Σ w b² of a tetrahedron whose corners are all free and share a push alike; what has less takes a
 /// part of a push only.

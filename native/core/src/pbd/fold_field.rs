@@ -67,6 +67,7 @@ pub(super) struct FoldField {
     known: Vec<f32>,
     shut_in: Vec<f32>,
     narrow: Vec<f32>,
+    closing: Vec<f32>,
     buffer: Vec<f32>,
 }
 
@@ -281,10 +282,21 @@ impl FoldField {
         beyond.min(place.beyond + other + self.slack)
     }
 
-    /// How far the sides overlap; negative for a gap.
+    /// How firmly gaps close from now on: by a share in a hollow that is shut in and no wider than half the
+    /// `radius`, and by another where flesh fills a narrow gap.
+    pub(super) fn close(&mut self, hollow: f32, fill: f32, radius: f32) {
+        self.closing.clear();
+        let nodes = self.overlap.iter().zip(&self.shut_in).zip(&self.narrow);
+        self.closing.extend(nodes.map(|((overlap, shut_in), narrow)| {
+            let small = smoothstep(2.0 + 2.0 * overlap / radius);
+            (hollow * shut_in * small).max(fill * narrow)
+        }));
+    }
+
+    /// How firmly the gap at a place closes.
     #[inline]
-    pub(super) fn overlap(&self, located: Located) -> f32 {
-        self.grid.at(&self.overlap, located)
+    pub(super) fn closing(&self, located: Located) -> f32 {
+        self.grid.at(&self.closing, located)
     }
 
     /// Height of a side's outermost layer.
@@ -346,7 +358,7 @@ mod tests {
             below: false,
         };
         let shut_in = |inwards: f32| field.shut_in(field.locate(&at(inwards)));
-        let overlap = |inwards: f32| field.overlap(field.locate(&at(inwards)));
+        let overlap = |inwards: f32| field.grid.at(&field.overlap, field.locate(&at(inwards)));
         let (hollow, end) = (shut_in(0.6), shut_in(1.85));
         assert!(hollow > 0.9 && end < 0.8 * hollow, "{hollow} {end}");
         assert!((overlap(0.7) + 0.4).abs() < 0.1 && overlap(1.6).abs() < 0.1);
