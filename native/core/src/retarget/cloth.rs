@@ -24,15 +24,26 @@ const SMOOTHED_OVER: [f64; 2] = [0.03, 0.02];
 const MAX_ANGLE: f64 = 45.0;
 /// and the largest distance that it is drawn from, as a share of that extent.
 const MAX_DISTANCE: f64 = 0.02;
-/// Reach of a closest point straight below, as a share of its distance; it grows with the inverse fourth power of
-/// the cosines from the cloth's normal to the way there and to the normal there,
+/// Reach of a closest point straight below, as a share of its distance; it grows with the cosines from the cloth's
+/// normal to the way there and to the normal there,
 const REACH: f64 = 0.4;
+/// with these inverse powers of them where cloth lies on the skin and where it hangs,
+const POWERS: [i32; 2] = [2, 4];
 /// whose product is at least this,
 const FLATTEST: f64 = 0.1;
 /// and is at least this share of the extent,
 const SHORTEST: f64 = 1e-4;
 /// and, once the cloth is laid, this share of what it was before.
 const KEPT: f64 = 0.3;
+
+/// How a target is worn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Worn {
+    /// Almost all of it lies on the skin already, as do another topology of the body and pieces of it.
+    OnSkin,
+    /// It has to be laid there.
+    Hanging,
+}
 
 /// The cloth laid on its wearer's skin.
 ///
@@ -59,25 +70,26 @@ pub(super) fn laid(
 /// What a match with `source` tells of a vertex of the cloth, hanging and laid.
 pub(super) fn told(
     [hanging, laid]: [Surroundings<'_>; 2],
+    worn: Worn,
     v: usize,
-    source: &TriangleMesh,
-    found: &SurfaceMatch,
+    (source, found): (&TriangleMesh, &SurfaceMatch),
 ) -> Known {
     let corners = source.corners(found.triangle as usize);
     let place: DVec3 = corners.iter().zip(found.barycentric).map(|(&corner, share)| corner * share).sum();
     let agreement = found.agreement.abs();
-    let [before, now] = [hanging, laid].map(|cloth| reach(cloth, v, place, agreement));
+    let power = POWERS[usize::from(worn == Worn::Hanging)];
+    let [before, now] = [hanging, laid].map(|cloth| reach(cloth, v, place, agreement, power));
     Known::Within(now.max(KEPT * before).max(SHORTEST * hanging.shell.extent))
 }
 
 /// Reach of a match at a place with a normal that agrees so far with the vertex's.
-fn reach(cloth: Surroundings<'_>, v: usize, place: DVec3, agreement: f64) -> f64 {
+fn reach(cloth: Surroundings<'_>, v: usize, place: DVec3, agreement: f64, power: i32) -> f64 {
     let way = place - cloth.mesh.vertices()[v];
     let length = way.length();
     // On the skin the way has no direction.
     let on_skin = length <= SHORTEST * cloth.shell.extent;
     let straight = if on_skin { 1.0 } else { cloth.shell.normals[v].dot(way).abs() / length };
-    REACH * length / (straight * agreement).clamp(FLATTEST, 1.0).powi(4)
+    REACH * length / (straight * agreement).clamp(FLATTEST, 1.0).powi(power)
 }
 
 #[cfg(test)]
@@ -100,7 +112,7 @@ mod tests {
         let barycentric = [1.0, 0.0, 0.0];
         let found =
             SurfaceMatch { triangle, barycentric, distance: place.length(), agreement, accepted: true };
-        match told([cloth(0, &hung), cloth(1, &laid)], 0, &body, &found) {
+        match told([cloth(0, &hung), cloth(1, &laid)], Worn::Hanging, 0, (&body, &found)) {
             Known::Within(reach) => reach,
             known => panic!("{known:?}"),
         }

@@ -7,7 +7,7 @@ use kdtree::distance::squared_euclidean;
 use rayon::prelude::*;
 
 use super::auto::{mesh_error, spectral_error};
-use super::cloth::{laid, told};
+use super::cloth::{Worn, laid, told};
 use super::differing_shapes::on_vertices;
 use super::icp::Surroundings;
 use super::inpaint::{InpaintSettings, Known};
@@ -42,10 +42,10 @@ pub(super) struct TakenOver {
 }
 
 /// Takes the weights of `source`, which lies on the target, over to it. `tests` are those of the matches,
-/// `worn` says that the target is cloth on the source.
+/// `worn` says how the target is worn by the source, if it is.
 pub(super) fn take_over(
     (source, weights): (&TriangleMesh, &SkinWeights),
-    (tests, worn): (&RejectionSettings, bool),
+    (tests, worn): (&RejectionSettings, Option<Worn>),
     target: Surroundings<'_>,
     choice: &ResolvedChoice<PartPolicy>,
     progress: &Progress,
@@ -58,7 +58,8 @@ pub(super) fn take_over(
     };
     let surface = Surroundings { mesh: source, query: &query, shell: &shell };
     let spectral = |error| spectral_error("target", error);
-    let on_skin = if worn {
+    let hangs = worn == Some(Worn::Hanging);
+    let on_skin = if hangs {
         let _laying = progress.section(0.3, 0.6);
         let mesh = laid(target.mesh, surface, progress).map_err(spectral)?;
         let query = SurfaceQuery::new(&mesh).map_err(|error| mesh_error("target", error))?;
@@ -69,16 +70,16 @@ pub(super) fn take_over(
     };
     let placed = on_skin.as_ref().map_or(target, |(mesh, query, shell)| Surroundings { mesh, query, shell });
     let matches = {
-        let _rest = progress.section(if worn { 0.6 } else { 0.3 }, 1.0);
+        let _rest = progress.section(if hangs { 0.6 } else { 0.3 }, 1.0);
         match_surfaces(surface, placed, tests, progress).map_err(spectral)?
     };
     let accepted: Vec<bool> = matches.iter().map(|found| found.accepted).collect();
     let depth = FAR_FROM_MATCHES * target.shell.extent;
     let far = far_from_matches(target.mesh.vertices(), &accepted, depth);
-    let known = |v: usize| match (accepted[v], far[v]) {
-        (true, _) if worn => told([target, placed], v, source, &matches[v]),
-        (true, _) => Known::Exactly,
-        (false, far) => Known::exactly(far && !worn),
+    let known = |v: usize| match (accepted[v], worn) {
+        (true, Some(worn)) => told([target, placed], worn, v, (source, &matches[v])),
+        (true, None) => Known::Exactly,
+        (false, worn) => Known::exactly(far[v] && worn.is_none()),
     };
     let known: Vec<Known> = (0..accepted.len()).map(known).collect();
     let vertices = placed.mesh.vertices().par_iter();
@@ -102,8 +103,8 @@ pub(super) fn take_over(
     let weighted = SourceWeights { surface, rows: &source_rows };
     let parts = plan_parts(target.mesh, &accepted, weighted, choice);
     // What is a mean already needs no smoothing.
-    let evened = InpaintSettings { smoothing_rounds: 0, harmonic: true };
-    let filling = if worn { evened } else { InpaintSettings::default() };
+    let evened = InpaintSettings { smoothing_rounds: 0, harmonic: hangs };
+    let filling = if worn.is_some() { evened } else { InpaintSettings::default() };
     let filled =
         weigh_parts(target.mesh, &parts, &rows, &known, weighted, &filling, progress).map_err(spectral)?;
     let origin = origins(&filled, &accepted);
