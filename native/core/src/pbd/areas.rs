@@ -22,8 +22,13 @@ const TETRAHEDRA_PER_CELL: f64 = 12.0;
 /// Estimated tetrahedra of all patches, at most, while cell sizes are chosen here: more cannot be
 /// solved while animating.
 pub(super) const MOST_TETRAHEDRA: f64 = 64_000.0;
+/// Estimated tetrahedra of one patch, at most: as many as one core solves while animating. The fingers and the
+/// palm of a hand, the thinnest limbs on one of the broadest, would take half of those of a body.
+const MOST_OF_PATCH: f64 = 12_000.0;
 /// Growth of the finest cells while there are more.
 const COARSER: f64 = 1.1;
+/// Growth of the cells of a patch while it has more than its part.
+const COARSER_PATCH: f64 = 1.02;
 
 /// The joint at the head of a bone that has a parent.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -186,7 +191,8 @@ impl JointAreas {
         self.limit(mesh);
     }
 
-    /// Lets the finest cells grow until all patches together have an affordable number.
+    /// Lets cells grow until each patch has an affordable number, and then the finest ones until all patches
+    /// together have.
     fn limit(&mut self, mesh: &TriangleMesh) {
         // Volume of a patch from its surface and the radius of its limbs, and a layer of cells.
         let mut solids = vec![(0.0, 0.0); self.cell_sizes.len()];
@@ -199,7 +205,12 @@ impl JointAreas {
                 *total += surface;
             }
         }
-        let filling = |((v, a), h): (&(f64, f64), f64)| TETRAHEDRA_PER_CELL * (v + a * h) / h.powi(3);
+        let filling = |(&(v, a), h): (&(f64, f64), f64)| TETRAHEDRA_PER_CELL * (v + a * h) / h.powi(3);
+        for (&solid, size) in solids.iter().zip(&mut self.cell_sizes) {
+            while filling((&solid, *size)) > MOST_OF_PATCH {
+                *size *= COARSER_PATCH;
+            }
+        }
         let tetrahedra = |finest: f64| -> f64 {
             let sizes = self.cell_sizes.iter().map(|size| size.max(finest));
             solids.iter().zip(sizes).map(filling).sum()

@@ -13,7 +13,7 @@ use super::lanes::Particle;
 use super::stats::Work;
 
 /// Contact sweeps that share the height fields of the folds.
-const FIELD_SWEEPS: usize = 4;
+const FIELD_SWEEPS: usize = 5;
 
 /// Σ w b² of a tetrahedron whose corners are all free and share a push alike; what has less takes a
 /// part of a push only.
@@ -36,6 +36,8 @@ struct JointScratch {
     candidates: Vec<Vec3>,
     /// Candidates that can come into contact.
     near: Vec<u32>,
+    /// Those that the last sweep has looked at.
+    list: Vec<u32>,
     contact: ContactScratch,
 }
 
@@ -93,26 +95,26 @@ impl CageContacts {
         self.sweeps += 1;
         let now = &*particles;
         each_fold(island, &mut self.joints, |contact, fold, joint| {
-            let JointScratch { candidates, near, contact: found, .. } = joint;
+            let JointScratch { candidates, near, list, contact: found, .. } = joint;
+            list.clone_from(if refill { near } else { &found.pushable });
             if near.is_empty() || (!refill && found.level.is_none()) {
+                list.clear();
                 found.pushes.clear();
                 return;
             }
             candidates.clear();
             candidates
-                .extend(near.iter().map(|&candidate| point_of(island, contact, candidate).position(now)));
-            contact.pushes(fold, near, candidates, refill, Firmness::CAGE, found);
+                .extend(list.iter().map(|&candidate| point_of(island, contact, candidate).position(now)));
+            contact.pushes(fold, list, candidates, refill, Firmness::CAGE, found);
         });
         for (contact, joint) in island.cage_contacts.iter().zip(&self.joints) {
-            let JointScratch { fold, candidates, near, contact: found } = joint;
+            let JointScratch { fold, candidates, list, contact: found, .. } = joint;
             if fold.is_none() {
                 continue;
             }
-            if refill || found.level.is_some() {
-                work.contact_candidates += near.len();
-            }
+            work.contact_candidates += list.len();
             for push in &found.pushes {
-                let point = point_of(island, contact, near[push.listed as usize]);
+                let point = point_of(island, contact, list[push.listed as usize]);
                 // Pushes before this one may have moved the same corners.
                 let moved = point.position(particles) - candidates[push.listed as usize];
                 let length = push.offset.length();

@@ -91,6 +91,9 @@ pub(super) struct ContactScratch {
     field: FoldField,
     /// How far the sides were in contact at the last fill; `None` when they did not feel each other.
     pub level: Option<f32>,
+    /// Candidates of the last fill that contact can push until the next one: the others only count for the
+    /// heights of their side.
+    pub pushable: Vec<u32>,
     /// The result.
     pub pushes: Vec<Push>,
 }
@@ -167,35 +170,42 @@ impl JointContact {
         firmness: Firmness,
         scratch: &mut ContactScratch,
     ) {
-        let ContactScratch { places, field, level, pushes } = scratch;
+        let ContactScratch { places, field, level, pushable, pushes } = scratch;
         pushes.clear();
-        places.clear();
-        let vertices = list.iter().map(|&candidate| &self.vertices[candidate as usize]);
-        places.extend(vertices.zip(positions).map(|(v, &p)| self.place(fold, v, p)));
         let scale = self.scale();
+        let listed = || list.iter().zip(positions);
+        let place_of = |(&candidate, &position): (&u32, &Vec3)| {
+            self.place(fold, &self.vertices[candidate as usize], position)
+        };
         if refill {
+            places.clear();
+            places.extend(listed().map(place_of));
             *level = field.fill(places, &scale, fold.deep);
+            let hollow = level.unwrap_or(0.0) * firmness.pull;
+            field.close(hollow, firmness.fill, scale.radius);
+            let can_be = |(_, place): &(&u32, &Place)| place.facing > 0.0 && place.inwards > -self.spacing;
+            pushable.clear();
+            pushable.extend(list.iter().zip(&*places).filter(can_be).map(|(&candidate, _)| candidate));
         }
         let &mut Some(level) = level else { return };
         let thickness = THICKNESS * self.radius;
         let all = self.resolved() * fold.strength;
-        for (listed, place) in (0..).zip(places.iter()) {
-            if place.inwards <= 0.0 {
+        for (listed, entry) in (0..).zip(listed()) {
+            let place = place_of(entry);
+            if place.inwards <= 0.0 || place.facing <= 0.0 {
                 continue;
             }
-            let vertex = &self.vertices[list[listed as usize] as usize];
-            let beyond = place.beyond - field.middle(place) + thickness;
+            let vertex = &self.vertices[*entry.0 as usize];
+            let beyond = place.beyond - field.middle(&place) + thickness;
             let amount = if beyond > 0.0 {
-                let over = field.sunk(place, beyond) - vertex.rest_overlap;
+                let over = field.sunk(&place, beyond) - vertex.rest_overlap;
                 if over <= 0.0 {
                     continue;
                 }
                 level * over * over / (over + firmness.softness * scale.margin)
             } else {
-                let located = field.locate(place);
-                let small = smoothstep(2.0 + 2.0 * field.overlap(located) / scale.radius);
-                let hollow = level * firmness.pull * field.shut_in(located) * small;
-                let closes = hollow.max(firmness.fill * field.narrow(located));
+                let located = field.locate(&place);
+                let closes = field.closing(located);
                 if closes <= 0.0 {
                     continue;
                 }

@@ -59,7 +59,9 @@ pub(super) struct FoldField {
     slack: f32,
     profile: FoldProfile,
     envelopes: [Vec<f32>; 2],
-    sums: [Vec<[f32; 2]>; 2],
+    /// Heights of the candidates at each node, times their say, and all they say.
+    sums: [Vec<f32>; 2],
+    totals: [Vec<f32>; 2],
     /// The plane half way: height at the joint, slopes along and across the bend.
     middle: Vec3,
     overlap: Vec<f32>,
@@ -67,6 +69,7 @@ pub(super) struct FoldField {
     known: Vec<f32>,
     shut_in: Vec<f32>,
     narrow: Vec<f32>,
+    closing: Vec<f32>,
     buffer: Vec<f32>,
 }
 
@@ -158,8 +161,10 @@ impl FoldField {
         for side in 0..2 {
             self.envelopes[side].clear();
             self.envelopes[side].resize(count, f32::NEG_INFINITY);
-            self.sums[side].clear();
-            self.sums[side].resize(count, [0.0; 2]);
+            for sums in [&mut self.sums[side], &mut self.totals[side]] {
+                sums.clear();
+                sums.resize(count, 0.0);
+            }
         }
         true
     }
@@ -176,9 +181,14 @@ impl FoldField {
         for (place, _) in places.clone() {
             let Located { node, s, t } = self.locate(place);
             let envelope = &mut self.envelopes[usize::from(place.below)];
-            for (first, y) in [(node, t), (node + row, 1.0 - t)] {
-                for (height, x) in envelope[first..first + 2].iter_mut().zip([s, 1.0 - s]) {
-                    *height = height.max(place.height - (x * x + y * y).sqrt() * self.grid.step);
+            let (x, y) = ([s, 1.0 - s, s, 1.0 - s], [t, t, 1.0 - t, 1.0 - t]);
+            let cones: [f32; 4] = std::array::from_fn(|corner| {
+                let (x, y) = (x[corner], y[corner]);
+                place.height - (x * x + y * y).sqrt() * self.grid.step
+            });
+            for (first, cones) in [(node, &cones[..2]), (node + row, &cones[2..])] {
+                for (height, cone) in envelope[first..first + 2].iter_mut().zip(cones) {
+                    *height = height.max(*cone);
                 }
             }
         }
@@ -197,17 +207,24 @@ impl FoldField {
             let first = node - row - 1;
             let along = [1.0 + s, s, 1.0 - s, 2.0 - s].map(|x| 1.0 - x * x / (KERNEL * KERNEL));
             let across = [1.0 + t, t, 1.0 - t, 2.0 - t].map(|y| y * y / (KERNEL * KERNEL));
+            let (sums, totals) = (&mut self.sums[side], &mut self.totals[side]);
             for (b, y) in across.into_iter().enumerate() {
-                for (x, [sum, total]) in along.into_iter().zip(&mut self.sums[side][first + b * row..][..4]) {
+                let weights = along.map(|x| {
                     let near = (x - y).max(0.0);
-                    let weight = say * near * near;
+                    say * near * near
+                });
+                let line = first + b * row..first + b * row + 4;
+                for (sum, weight) in sums[line.clone()].iter_mut().zip(weights) {
                     *sum += weight * place.beyond;
+                }
+                for (total, weight) in totals[line].iter_mut().zip(weights) {
                     *total += weight;
                 }
             }
         }
         for side in 0..2 {
-            for (envelope, &[sum, total]) in self.envelopes[side].iter_mut().zip(&self.sums[side]) {
+            let says = self.sums[side].iter().zip(&self.totals[side]);
+            for (envelope, (sum, total)) in self.envelopes[side].iter_mut().zip(says) {
                 let cones = *envelope + ENVELOPE_LACK * self.grid.step;
                 *envelope = (sum + ENVELOPE_SAY * cones) / (total + ENVELOPE_SAY);
             }
@@ -219,9 +236,9 @@ impl FoldField {
         let [above, below] = &self.envelopes;
         self.overlap.clear();
         self.overlap.extend(above.iter().zip(below).map(|(a, b)| a + b));
-        let sums = self.sums[0].iter().zip(&self.sums[1]);
+        let says = self.totals[0].iter().zip(&self.totals[1]);
         self.known.clear();
-        self.known.extend(sums.map(|(a, b)| a[1].min(1.0) * b[1].min(1.0)));
+        self.known.extend(says.map(|(a, b)| a.min(1.0) * b.min(1.0)));
         self.overlap.iter().any(|&overlap| overlap > -felt)
     }
 
@@ -281,10 +298,21 @@ impl FoldField {
         beyond.min(place.beyond + other + self.slack)
     }
 
-    /// How far the sides overlap; negative for a gap.
+    /// How firmly gaps close from now on: by a share in a hollow that is shut in and no wider than half the
+    /// `radius`, and by another where flesh fills a narrow gap.
+    pub(super) fn close(&mut self, hollow: f32, fill: f32, radius: f32) {
+        self.closing.clear();
+        let nodes = self.overlap.iter().zip(&self.shut_in).zip(&self.narrow);
+        self.closing.extend(nodes.map(|((overlap, shut_in), narrow)| {
+            let small = smoothstep(2.0 + 2.0 * overlap / radius);
+            (hollow * shut_in * small).max(fill * narrow)
+        }));
+    }
+
+    /// How firmly the gap at a place closes.
     #[inline]
-    pub(super) fn overlap(&self, located: Located) -> f32 {
-        self.grid.at(&self.overlap, located)
+    pub(super) fn closing(&self, located: Located) -> f32 {
+        self.grid.at(&self.closing, located)
     }
 
     /// Height of a side's outermost layer.
@@ -346,7 +374,7 @@ mod tests {
             below: false,
         };
         let shut_in = |inwards: f32| field.shut_in(field.locate(&at(inwards)));
-        let overlap = |inwards: f32| field.overlap(field.locate(&at(inwards)));
+        let overlap = |inwards: f32| field.grid.at(&field.overlap, field.locate(&at(inwards)));
         let (hollow, end) = (shut_in(0.6), shut_in(1.85));
         assert!(hollow > 0.9 && end < 0.8 * hollow, "{hollow} {end}");
         assert!((overlap(0.7) + 0.4).abs() < 0.1 && overlap(1.6).abs() < 0.1);

@@ -50,6 +50,11 @@ impl PatchMasks {
         Self { own, other }
     }
 
+    /// True where a patch speaks first for a vertex.
+    pub(super) fn is_own(&self, vertex: usize, patch: u32) -> bool {
+        self.own[vertex] == Some(patch)
+    }
+
     /// Share of a patch in a vertex; the shares of all patches sum to at most 1.
     pub(super) fn mask(&self, vertex: usize, patch: u32) -> f64 {
         match (self.own[vertex], self.other[vertex]) {

@@ -132,6 +132,8 @@ fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec
             members.iter().map(|&t| tetrahedron_share(cage.mesh.tetrahedra()[t as usize], shares)).collect()
         }
     };
+    // Across a wide seam a patch reaches what blends at its neighbour's joints: that is the neighbour's alone.
+    let is_own = |point: &SurfacePoint| input.masks.is_own(point.vertex as usize, patch);
     Ok(split(&freedom, cage.mesh.tetrahedra())
         .into_par_iter()
         .map(|tetrahedra| {
@@ -149,6 +151,7 @@ fn build_cells(input: &PatchInput<'_>, patch: u32, cell_size: f64) -> Result<Vec
                 &shares,
             )
         })
+        .filter(|island| island.surface.iter().any(is_own))
         .collect())
 }
 

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
-use super::contact::{ContactScratch, Firmness, JointContact};
+use super::contact::{ContactScratch, Firmness, JointContact, Push};
 use super::fold_plane::FoldPlane;
 use super::island::Island;
 use super::self_collision::{mean_value_coordinates, relax};
@@ -78,14 +78,12 @@ pub(super) fn separate(islands: &[PosedIsland<'_>], positions: &mut [Vec3], buff
             if round == 0 {
                 search.begin(joint, positions);
             }
-            search.find(joint, positions, round == 0);
+            search.find(joint, positions, round);
         });
-        // One joint after the other, so that what several of them press upon ends between all: where one
-        // before it has pushed, a joint searches again.
+        // One joint after the other, so that what several of them press upon ends between all: what one
+        // before it has pushed, a joint looks at again.
         for (joint, search) in joints.iter().zip(searches.iter_mut()) {
-            if search.near.iter().any(|&candidate| pushed[joint.vertex(candidate)]) {
-                search.find(joint, positions, round == 0);
-            }
+            search.look_again(joint, positions, pushed);
             let JointSearch { near, found, .. } = search;
             if found.pushes.is_empty() {
                 near.clear();
@@ -156,6 +154,8 @@ struct JointSearch {
     near: Vec<u32>,
     candidates: Vec<Vec3>,
     found: ContactScratch,
+    /// What is looked at again: places in `near`, candidates, and the pushes that stay.
+    again: (Vec<u32>, Vec<u32>, Vec<Push>),
 }
 
 impl JointSearch {
@@ -172,16 +172,45 @@ impl JointSearch {
         }
     }
 
-    /// Finds the pushes of those that are listed.
-    fn find(&mut self, joint: &Joint<'_>, positions: &[Vec3], refill: bool) {
-        let Self { fold, near, candidates, found } = self;
+    /// Finds the pushes of those that are listed; after the first round, of those that can be pushed.
+    fn find(&mut self, joint: &Joint<'_>, positions: &[Vec3], round: usize) {
+        let Self { fold, near, candidates, found, .. } = self;
         found.pushes.clear();
         if let (Some(fold), false) = (fold, near.is_empty()) {
+            let refill = round == 0;
+            if round == 1 {
+                near.clone_from(&found.pushable);
+            }
             candidates.clear();
             let position = |&candidate: &u32| positions[joint.vertex(candidate)];
             candidates.extend(near.iter().map(position).map(|p| joint.inverse.transform_point3(p)));
             joint.contact.pushes(fold, near, candidates, refill, Firmness::SURFACE, found);
         }
+    }
+
+    /// Finds the pushes of those anew that another joint has `pushed`.
+    fn look_again(&mut self, joint: &Joint<'_>, positions: &[Vec3], pushed: &[bool]) {
+        let Self { fold: Some(fold), near, candidates, found, again: (places, list, kept) } = self else {
+            return;
+        };
+        let is_pushed = |candidate: u32| pushed[joint.vertex(candidate)];
+        places.clear();
+        places.extend((0..).zip(&*near).filter(|&(_, &candidate)| is_pushed(candidate)).map(|(i, _)| i));
+        if places.is_empty() {
+            return;
+        }
+        list.clear();
+        list.extend(places.iter().map(|&place| near[place as usize]));
+        candidates.clear();
+        let position = |&candidate: &u32| positions[joint.vertex(candidate)];
+        candidates.extend(list.iter().map(position).map(|p| joint.inverse.transform_point3(p)));
+        kept.clear();
+        kept.extend(found.pushes.iter().filter(|push| !is_pushed(near[push.listed as usize])));
+        joint.contact.pushes(fold, list, candidates, false, Firmness::SURFACE, found);
+        let in_near = |push: &Push| Push { listed: places[push.listed as usize], ..*push };
+        kept.extend(found.pushes.iter().map(in_near));
+        kept.sort_unstable_by_key(|push| push.listed);
+        std::mem::swap(kept, &mut found.pushes);
     }
 }
 
