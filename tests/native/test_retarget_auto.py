@@ -42,7 +42,7 @@ SHARED_BOUNDS = {
     "zombie_male": 0.15,
 }
 # Garments on their wearers, whose weights were made by the closest point of the body.
-WORN_BOUNDS = {"default_tights": 0.05, "heavy_casualsuit": 0.085}
+WORN_BOUNDS = {"default_tights": 0.05, "heavy_casualsuit": 0.075}
 
 
 def run(pair, **options):

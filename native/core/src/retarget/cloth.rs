@@ -23,18 +23,18 @@ const SMOOTHED_OVER: [f64; 2] = [0.03, 0.02];
 /// the largest angle of its normals with the skin's, in degrees,
 const MAX_ANGLE: f64 = 45.0;
 /// and the largest distance that it is drawn from, as a share of that extent.
-const MAX_DISTANCE: f64 = 0.02;
+const MAX_DISTANCE: f64 = 0.05;
 /// Reach of a closest point straight below, as a share of its distance; it grows with the cosines from the cloth's
 /// normal to the way there and to the normal there,
 const REACH: f64 = 0.4;
-/// with these inverse powers of them where cloth lies on the skin and where it hangs,
-const POWERS: [i32; 2] = [2, 4];
+/// with this inverse power of them,
+const POWER: i32 = 2;
 /// whose product is at least this,
 const FLATTEST: f64 = 0.1;
 /// and is at least this share of the extent,
 const SHORTEST: f64 = 1e-4;
 /// and, once the cloth is laid, this share of what it was before.
-const KEPT: f64 = 0.3;
+const KEPT: f64 = 0.2;
 
 /// How a target is worn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,26 +70,24 @@ pub(super) fn laid(
 /// What a match with `source` tells of a vertex of the cloth, hanging and laid.
 pub(super) fn told(
     [hanging, laid]: [Surroundings<'_>; 2],
-    worn: Worn,
     v: usize,
     (source, found): (&TriangleMesh, &SurfaceMatch),
 ) -> Known {
     let corners = source.corners(found.triangle as usize);
     let place: DVec3 = corners.iter().zip(found.barycentric).map(|(&corner, share)| corner * share).sum();
     let agreement = found.agreement.abs();
-    let power = POWERS[usize::from(worn == Worn::Hanging)];
-    let [before, now] = [hanging, laid].map(|cloth| reach(cloth, v, place, agreement, power));
+    let [before, now] = [hanging, laid].map(|cloth| reach(cloth, v, place, agreement));
     Known::Within(now.max(KEPT * before).max(SHORTEST * hanging.shell.extent))
 }
 
 /// Reach of a match at a place with a normal that agrees so far with the vertex's.
-fn reach(cloth: Surroundings<'_>, v: usize, place: DVec3, agreement: f64, power: i32) -> f64 {
+fn reach(cloth: Surroundings<'_>, v: usize, place: DVec3, agreement: f64) -> f64 {
     let way = place - cloth.mesh.vertices()[v];
     let length = way.length();
     // On the skin the way has no direction.
     let on_skin = length <= SHORTEST * cloth.shell.extent;
     let straight = if on_skin { 1.0 } else { cloth.shell.normals[v].dot(way).abs() / length };
-    REACH * length / (straight * agreement).clamp(FLATTEST, 1.0).powi(power)
+    REACH * length / (straight * agreement).clamp(FLATTEST, 1.0).powi(POWER)
 }
 
 #[cfg(test)]
@@ -112,7 +110,7 @@ mod tests {
         let barycentric = [1.0, 0.0, 0.0];
         let found =
             SurfaceMatch { triangle, barycentric, distance: place.length(), agreement, accepted: true };
-        match told([cloth(0, &hung), cloth(1, &laid)], Worn::Hanging, 0, (&body, &found)) {
+        match told([cloth(0, &hung), cloth(1, &laid)], 0, (&body, &found)) {
             Known::Within(reach) => reach,
             known => panic!("{known:?}"),
         }
@@ -124,11 +122,11 @@ mod tests {
         let below = reach_of(-DVec3::Z * 0.1, 1.0);
         assert!((below - 0.1 * REACH).abs() < 1e-12);
         assert!((reach_of(-DVec3::Z * 0.2, -1.0) / below - 2.0).abs() < 1e-9);
-        assert!((reach_of(-DVec3::Z * 0.1, 0.5) / below - 16.0).abs() < 1e-9);
+        assert!((reach_of(-DVec3::Z * 0.1, 0.5) / below - 4.0).abs() < 1e-9);
         let aside = reach_of(DVec3::new(0.0, 0.1, -0.1), 1.0);
-        assert!((aside / below - 32f64.sqrt()).abs() < 1e-9);
+        assert!((aside / below - 8f64.sqrt()).abs() < 1e-9);
         let level = reach_of(DVec3::X * 0.1, 0.0);
-        assert!((level / below - FLATTEST.powi(-4)).abs() < 1e-6 && level.is_finite());
+        assert!((level / below - FLATTEST.powi(-POWER)).abs() < 1e-6 && level.is_finite());
         assert!(reach_of(DVec3::ZERO, 1.0) > 0.0 && reach_of(DVec3::ZERO, 1.0) < 1e-3);
         let hung = reach(DVec3::Z * 0.5, DVec3::ZERO, 1.0);
         assert!((hung - KEPT * REACH * 0.5).abs() < 1e-9, "{hung}");

@@ -77,7 +77,7 @@ pub(super) fn take_over(
     let depth = FAR_FROM_MATCHES * target.shell.extent;
     let far = far_from_matches(target.mesh.vertices(), &accepted, depth);
     let known = |v: usize| match (accepted[v], worn) {
-        (true, Some(worn)) => told([target, placed], worn, v, (source, &matches[v])),
+        (true, Some(_)) => told([target, placed], v, (source, &matches[v])),
         (true, None) => Known::Exactly,
         (false, worn) => Known::exactly(far[v] && worn.is_none()),
     };
