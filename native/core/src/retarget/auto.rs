@@ -4,6 +4,7 @@
 use glam::DVec3;
 
 use super::alignment::align;
+use super::cloth::Worn;
 use super::deform::{DeformSettings, Deformer};
 use super::differing_shapes::{Difference, Differing};
 use super::icp::{IcpSettings, Surroundings, register};
@@ -70,8 +71,8 @@ pub(super) struct Rigged<'a> {
 /// The source on the target.
 struct Placed {
     mesh: TriangleMesh,
-    /// Whether the target is worn by the source.
-    worn: bool,
+    /// How the target is worn by the source, if it is.
+    worn: Option<Worn>,
     /// Automatic landmarks: source vertex, target vertex.
     landmarks: Vec<[u32; 2]>,
     /// How source and target differ in shape, if they do.
@@ -146,7 +147,7 @@ pub(super) fn retarget(
         )?,
     };
 
-    let tests = if placed.worn { WORN_LOOSELY } else { RejectionSettings::default() };
+    let tests = if placed.worn.is_some() { WORN_LOOSELY } else { RejectionSettings::default() };
     let found = (&placed.mesh, source_weights);
     let taken = take_over(found, (&tests, placed.worn), target_surface, &choice, progress)?;
     let rows = taken.rows.iter().map(|row| {
@@ -204,7 +205,7 @@ fn as_a_whole(
     given: &Skeleton,
     target: Surroundings<'_>,
     progress: &Progress,
-) -> Result<Option<(TriangleMesh, bool)>, RetargetError> {
+) -> Result<Option<(TriangleMesh, Option<Worn>)>, RetargetError> {
     let on_source = |error| mesh_error("source", error);
     let rigs = (alignment.skeleton, given);
     let of_source = samples(alignment.source.mesh, alignment.skeleton, |_| Some(0), POINTS);
@@ -223,7 +224,8 @@ fn as_a_whole(
     let worn = one_skeleton && (is_part || off.below(0.5) <= WORN * target.shell.extent);
     let off = off.below(ALMOST_ALL);
     let coincide = off <= COINCIDE * target.shell.extent && left >= MUST_SHRINK * off;
-    Ok((worn || coincide).then_some((whole, worn)))
+    let how = if off <= COINCIDE * target.shell.extent { Worn::OnSkin } else { Worn::Hanging };
+    Ok((worn || coincide).then_some((whole, worn.then_some(how))))
 }
 
 /// How far both ends of the bones are apart after the similarity that brings them nearest: the heads of two bones
@@ -264,7 +266,7 @@ fn on_target(
         (posed, lengths(on_source, alignment.skeleton, &stay, share))
     });
     let mesh = registered(warped, &marks, slides, target, progress)?;
-    Ok(Placed { mesh, worn: false, landmarks: found.iter().map(RayMark::vertices).collect(), difference })
+    Ok(Placed { mesh, worn: None, landmarks: found.iter().map(RayMark::vertices).collect(), difference })
 }
 
 /// A surface deformed to marks.

@@ -5,17 +5,22 @@
 //! as they would make. Two ways stand for all: heat over the surface ([`bone_heat`]) and walks
 //! through the volume. The share of each is the one whose mix differs least (L1) from what was
 //! painted on the source; the target is bound by the same mix.
+//!
+//! A bone without weight may be one that nobody was to use, or one that the bind itself gave nothing, such as the
+//! end of a toe deep in a foot. Where heat prevails and leaves such a bone cold on the source, it may warm the target.
 
 use super::RetargetError;
 use super::icp::Surroundings;
 use super::parts::spread;
 use crate::progress::Progress;
-use crate::rig::{BindSettings, Sides, Skeleton, bind_weights, bone_heat};
+use crate::rig::{BindSettings, BoneMap, Sides, Skeleton, bind_weights, bone_heat};
 use crate::skinning::SkinWeights;
 use crate::skinning::{Row, blend, row_of};
 
 /// Shares of heat that are tried: multiples of the inverse of this.
 const SHARES: usize = 20;
+/// Heat prevails from this share on.
+const PREVAILS: f64 = 0.5;
 
 /// A character that can be bound.
 #[derive(Clone, Copy)]
@@ -30,9 +35,12 @@ pub(super) struct Bindable<'a> {
 pub(super) struct BoundAlike {
     pub(super) source: Vec<Row>,
     pub(super) target: Vec<Row>,
+    /// Mean difference (L1) of the source's weights from its rows, 0 to 2.
+    pub(super) unexplained: f64,
 }
 
-/// Binds both characters as the source's `weights` tell.
+/// Binds both characters as the source's `weights` tell. Counterparts of the bones that its way of binding leaves
+/// without weight take part in the target too.
 ///
 /// # Errors
 /// [`RetargetError::Bind`] where a mesh cannot be bound, and for cancelled work.
@@ -40,6 +48,7 @@ pub(super) fn bind_alike(
     source: Bindable<'_>,
     weights: &SkinWeights,
     target: Bindable<'_>,
+    bone_map: &BoneMap,
     progress: &Progress,
 ) -> Result<BoundAlike, RetargetError> {
     let painted: Vec<Row> = (0..weights.vertex_count()).map(|v| row_of(weights, v)).collect();
@@ -52,8 +61,17 @@ pub(super) fn bind_alike(
         let rows = painted.iter().zip(heat.iter().zip(&volumetric)).filter(|(row, _)| !row.is_empty());
         rows.map(|(row, (heat, volumetric))| spread(row, [&mixed(heat, volumetric, share)].into_iter())).sum()
     };
+    let counted = painted.iter().filter(|row| !row.is_empty()).count().max(1) as f64;
     let tried = (0..=SHARES).map(|k| k as f64 / SHARES as f64).map(|share| (share, off(share)));
-    let share = tried.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.5, |tried| tried.0);
+    let (share, left) = tried.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.5, 0.0));
+    let mut takes_part = target.takes_part.to_vec();
+    if share >= PREVAILS {
+        let cold = cold_bones(source, bone_map, &heat, progress)?;
+        cold.iter()
+            .flat_map(|&bone| bone_map.targets(bone))
+            .for_each(|&bone| takes_part[bone as usize] = true);
+    }
+    let target = Bindable { takes_part: &takes_part, ..target };
     let of_target = match share {
         share if share >= 1.0 => by_heat(target, None, progress)?,
         share if share <= 0.0 => by_volume(target, progress)?,
@@ -62,7 +80,30 @@ pub(super) fn bind_alike(
             mix(&heat, &volumetric, share)
         }
     };
-    Ok(BoundAlike { source: mix(&heat, &volumetric, share), target: of_target })
+    let source = mix(&heat, &volumetric, share);
+    Ok(BoundAlike { source, target: of_target, unexplained: left / counted })
+}
+
+/// Bones without weight that hang on one with weight, and that heat leaves without.
+fn cold_bones(
+    source: Bindable<'_>,
+    bone_map: &BoneMap,
+    otherwise: &[Row],
+    progress: &Progress,
+) -> Result<Vec<usize>, RetargetError> {
+    let hangs = |bone: usize| source.skeleton.parents()[bone].is_some_and(|p| source.takes_part[p as usize]);
+    let idle: Vec<usize> = (0..source.takes_part.len())
+        .filter(|&bone| !source.takes_part[bone] && hangs(bone) && !bone_map.targets(bone).is_empty())
+        .collect();
+    if idle.is_empty() {
+        return Ok(idle);
+    }
+    let mut takes_part = source.takes_part.to_vec();
+    idle.iter().for_each(|&bone| takes_part[bone] = true);
+    let rows = by_heat(Bindable { takes_part: &takes_part, ..source }, Some(otherwise), progress)?;
+    let mut warm = vec![false; takes_part.len()];
+    rows.iter().flatten().for_each(|&(bone, _)| warm[bone as usize] = true);
+    Ok(idle.into_iter().filter(|&bone| !warm[bone]).collect())
 }
 
 /// Rows by volume and by heat.
@@ -119,4 +160,33 @@ fn mixed(heat: &Row, volumetric: &Row, share: f64) -> Row {
 
 fn mix(heat: &[Row], volumetric: &[Row], share: f64) -> Vec<Row> {
     heat.iter().zip(volumetric).map(|(heat, volumetric)| mixed(heat, volumetric, share)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::super::shell::Shell;
+    use super::*;
+    use crate::mesh::SurfaceQuery;
+    use crate::mesh::test_surfaces::tube;
+    use crate::rig::map_bones;
+
+    #[test]
+    fn an_idle_bone_is_cold_where_others_are_nearer_to_all_skin() {
+        let limb = tube(0.5, 4.0, 32, 64);
+        let query = SurfaceQuery::new(&limb).unwrap();
+        let shell = Shell::new(&limb, &query, &Progress::new()).unwrap();
+        let surface = Surroundings { mesh: &limb, query: &query, shell: &shell };
+        // Two bones with weight, one beyond the end of the limb, one below its skin, and one that hangs on none.
+        let at = |x: f64, z: f64| DVec3::new(x, 0.0, z);
+        let heads = vec![at(0.0, 0.0), at(0.0, 2.0), at(0.0, 4.2), at(0.4, 0.5), at(0.0, 9.0)];
+        let tails = vec![at(0.0, 2.0), at(0.0, 4.0), at(0.0, 4.3), at(0.4, 1.5), at(0.0, 9.5)];
+        let skeleton = Skeleton::new(heads, tails, &[-1, 0, 1, 0, -1], None).unwrap();
+        let takes_part = [true, true, false, false, false];
+        let bindable = Bindable { surface, skeleton: &skeleton, takes_part: &takes_part };
+        let bone_map = map_bones(&skeleton, &skeleton).unwrap();
+        let otherwise = vec![Row::new(); limb.vertex_count()];
+        assert_eq!(cold_bones(bindable, &bone_map, &otherwise, &Progress::new()).unwrap(), [2]);
+    }
 }

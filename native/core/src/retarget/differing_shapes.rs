@@ -6,7 +6,8 @@
 //! best ([`super::bound_alike`]), and takes over from the source what that way does not explain: the
 //! difference of the source's weights from its own bind, as far as the match is to be trusted. It is,
 //! where it was accepted, and the less the farther the two binds are apart there, which say whether
-//! both are the same place of the body, and the more the shapes differ.
+//! both are the same place of the body, and the more the shapes differ. Little of it counts where the bind
+//! explains the source nearly: that is how another program rounds, not what somebody painted.
 //! A garment has no inside for its bones, and no bind says anything of it: there the match decides.
 //!
 //! How far apart the shapes are is measured after the alignment: the distance left between the
@@ -44,6 +45,11 @@ const DOUBTED: f64 = 0.18;
 const LOOKS: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 /// A bone is connected to its parent where it begins this near to the parent's end, in the parent's lengths.
 const CONNECTED: f64 = 0.01;
+/// Where the source's own bind leaves no more than this of a vertex's weights, what it leaves is no painter's work,
+/// and from the second on all of it is;
+const INEXACT: [f64; 2] = [0.1, 0.4];
+/// everywhere, where it leaves more than this on average.
+const EXPLAINED: [f64; 2] = [0.05, 0.2];
 /// Edges from the border of the matched surface over which trust in matches grows.
 const TRUST_GROWS: usize = 4;
 
@@ -160,6 +166,7 @@ impl Differing {
             Bindable { surface: from, skeleton: source.skeleton, takes_part: &used },
             source.weights,
             Bindable { surface: to, skeleton: target.skeleton, takes_part: &takes_part },
+            bone_map,
             progress,
         )?;
         let divided = |weights: SkinWeights| match unclaimed {
@@ -173,10 +180,14 @@ impl Differing {
         let at_match = SkinWeights::from_rows(at_match, source.skeleton.bone_count());
         let at_match = divided(bone_map.transfer(&at_match, target.mesh.vertices(), target.skeleton)?);
         let trust = self.trust(to);
+        let bound_left = bound.unexplained;
         let row = |v: usize| {
             let (own, bound, at_match) = (row_of(&matched, v), &bound.target[v], row_of(&at_match, v));
             let off = spread(bound, [&at_match].into_iter()).min(2.0);
-            let trust = self.difference.trust * trust[v] * (1.0 - 0.5 * off);
+            let left = spread(&own, [&at_match].into_iter());
+            let painted =
+                step(INEXACT[0], INEXACT[1], left).max(step(EXPLAINED[0], EXPLAINED[1], bound_left));
+            let trust = self.difference.trust * trust[v] * (1.0 - 0.5 * off) * painted;
             let explained = [(bound, 1.0), (&own, trust), (&at_match, -trust)];
             (own.clone(), normalized(blend(explained.into_iter())))
         };

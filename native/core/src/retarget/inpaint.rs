@@ -17,7 +17,7 @@ use crate::linalg::SymbolicCholesky;
 use crate::mesh::{Adjacency, TriangleMesh};
 use crate::progress::Progress;
 use crate::skinning::{Row, normalized};
-use crate::spectral::SpectralError;
+use crate::spectral::{Laplacian, SpectralError};
 
 /// Weights below this are dropped from filled rows.
 const NEGLIGIBLE: f64 = 1e-5;
@@ -46,11 +46,14 @@ impl Known {
 pub struct InpaintSettings {
     /// Rounds of smoothing next to what was filled; 0 for none.
     pub smoothing_rounds: u32,
+    /// Whether weights that are known within a reach are evened out, min ∫ |∇w|² + ∫ |w − w₀|² / ℓ²: such
+    /// weights never leave the range of those around.
+    pub harmonic: bool,
 }
 
 impl Default for InpaintSettings {
     fn default() -> Self {
-        Self { smoothing_rounds: 4 }
+        Self { smoothing_rounds: 4, harmonic: false }
     }
 }
 
@@ -80,7 +83,10 @@ pub fn inpaint(
     progress: &Progress,
 ) -> Result<Inpainted, SpectralError> {
     assert!(rows.len() == mesh.vertex_count() && known.len() == rows.len(), "one row for each vertex");
-    let surface = Bilaplacian::new(mesh, &[])?;
+    let mut surface = Bilaplacian::new(mesh, &[])?;
+    if settings.harmonic {
+        surface.form = Laplacian::new(&surface.welded)?.stiffness;
+    }
     progress.report(0.2)?;
     let count = mesh.vertex_count();
     let mut filled: Vec<Row> = vec![Row::new(); count];
@@ -93,7 +99,8 @@ pub fn inpaint(
         match known[v] {
             Known::Exactly if total > 0.0 && filled[stand].is_empty() => filled[stand] = own(),
             Known::Within(reach) if total > 0.0 && pulls[stand].is_none() => {
-                let firmness = surface.shares[stand] * (surface.area / reach.powi(2)).powi(2);
+                let firm = surface.area / reach.powi(2);
+                let firmness = surface.shares[stand] * if settings.harmonic { firm } else { firm * firm };
                 pulls[stand] = Some(Pull { row: own(), firmness });
             }
             _ => {}
@@ -157,7 +164,8 @@ fn holes(surface: &Bilaplacian, to_fill: impl Fn(usize) -> bool) -> Vec<Vec<usiz
     holes
 }
 
-/// A row w₀ that what is filled is drawn to, and how firmly: A² share / ℓ⁴, as the form is A · uᵀ K M⁻¹ K u.
+/// A row w₀ that what is filled is drawn to, and how firmly: A² share / ℓ⁴, as the form is A · uᵀ K M⁻¹ K u, or
+/// A share / ℓ² beside uᵀ K u.
 #[derive(Debug, Clone)]
 struct Pull {
     row: Row,
@@ -234,7 +242,7 @@ mod tests {
     use super::*;
     use crate::mesh::test_surfaces::{grid, icosphere, joined, mapped, permuted, similarity, tube};
 
-    const UNSMOOTHED: InpaintSettings = InpaintSettings { smoothing_rounds: 0 };
+    const UNSMOOTHED: InpaintSettings = InpaintSettings { smoothing_rounds: 0, harmonic: false };
 
     fn run(mesh: &TriangleMesh, rows: &[Row], known: &[bool], settings: &InpaintSettings) -> Inpainted {
         let known: Vec<Known> = known.iter().map(|&known| Known::exactly(known)).collect();

@@ -129,6 +129,11 @@ impl Shell {
         outward(moved, &self.stands_for, Some(&self.side))
     }
 
+    /// The same surface once the vertices have moved.
+    pub(super) fn moved(&self, to: &TriangleMesh) -> Self {
+        Self { normals: self.normals_of(to), ..self.clone() }
+    }
+
     /// For each of some vertices the triangles that meet there once seams are closed, ascending.
     pub(super) fn triangles_around(
         &self,

@@ -7,7 +7,7 @@ use kdtree::distance::squared_euclidean;
 use rayon::prelude::*;
 
 use super::auto::{mesh_error, spectral_error};
-use super::cloth::told;
+use super::cloth::{Worn, laid, told};
 use super::differing_shapes::on_vertices;
 use super::icp::Surroundings;
 use super::inpaint::{InpaintSettings, Known};
@@ -42,10 +42,10 @@ pub(super) struct TakenOver {
 }
 
 /// Takes the weights of `source`, which lies on the target, over to it. `tests` are those of the matches,
-/// `worn` says that the target is cloth on the source.
+/// `worn` says how the target is worn by the source, if it is.
 pub(super) fn take_over(
     (source, weights): (&TriangleMesh, &SkinWeights),
-    (tests, worn): (&RejectionSettings, bool),
+    (tests, worn): (&RejectionSettings, Option<Worn>),
     target: Surroundings<'_>,
     choice: &ResolvedChoice<PartPolicy>,
     progress: &Progress,
@@ -58,20 +58,31 @@ pub(super) fn take_over(
     };
     let surface = Surroundings { mesh: source, query: &query, shell: &shell };
     let spectral = |error| spectral_error("target", error);
+    let hangs = worn == Some(Worn::Hanging);
+    let on_skin = if hangs {
+        let _laying = progress.section(0.3, 0.6);
+        let mesh = laid(target.mesh, surface, progress).map_err(spectral)?;
+        let query = SurfaceQuery::new(&mesh).map_err(|error| mesh_error("target", error))?;
+        let shell = target.shell.moved(&mesh);
+        Some((mesh, query, shell))
+    } else {
+        None
+    };
+    let placed = on_skin.as_ref().map_or(target, |(mesh, query, shell)| Surroundings { mesh, query, shell });
     let matches = {
-        let _rest = progress.section(0.3, 1.0);
-        match_surfaces(surface, target, tests, progress).map_err(spectral)?
+        let _rest = progress.section(if hangs { 0.6 } else { 0.3 }, 1.0);
+        match_surfaces(surface, placed, tests, progress).map_err(spectral)?
     };
     let accepted: Vec<bool> = matches.iter().map(|found| found.accepted).collect();
     let depth = FAR_FROM_MATCHES * target.shell.extent;
     let far = far_from_matches(target.mesh.vertices(), &accepted, depth);
-    let known = |v: usize| match (accepted[v], far[v]) {
-        (true, _) if worn => told(target, v, source, &matches[v]),
-        (true, _) => Known::Exactly,
-        (false, far) => Known::exactly(far && !worn),
+    let known = |v: usize| match (accepted[v], worn) {
+        (true, Some(_)) => told([target, placed], v, (source, &matches[v])),
+        (true, None) => Known::Exactly,
+        (false, worn) => Known::exactly(far[v] && worn.is_none()),
     };
     let known: Vec<Known> = (0..accepted.len()).map(known).collect();
-    let vertices = target.mesh.vertices().par_iter();
+    let vertices = placed.mesh.vertices().par_iter();
     let rows: Vec<Row> = matches
         .par_iter()
         .zip(vertices)
@@ -89,12 +100,13 @@ pub(super) fn take_over(
     let source_rows: Vec<Row> = (0..source.vertex_count())
         .map(|v| weights.entries(v).map(|(bone, weight)| (bone, f64::from(weight))).collect())
         .collect();
-    let placed = SourceWeights { surface, rows: &source_rows };
-    let parts = plan_parts(target.mesh, &accepted, placed, choice);
+    let weighted = SourceWeights { surface, rows: &source_rows };
+    let parts = plan_parts(target.mesh, &accepted, weighted, choice);
     // What is a mean already needs no smoothing.
-    let filling = if worn { InpaintSettings { smoothing_rounds: 0 } } else { InpaintSettings::default() };
+    let evened = InpaintSettings { smoothing_rounds: 0, harmonic: hangs };
+    let filling = if worn.is_some() { evened } else { InpaintSettings::default() };
     let filled =
-        weigh_parts(target.mesh, &parts, &rows, &known, placed, &filling, progress).map_err(spectral)?;
+        weigh_parts(target.mesh, &parts, &rows, &known, weighted, &filling, progress).map_err(spectral)?;
     let origin = origins(&filled, &accepted);
     Ok(TakenOver {
         rows: filled.rows,
