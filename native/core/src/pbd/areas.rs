@@ -325,6 +325,24 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn the_cells_of_a_patch_grow_until_it_has_no_more_than_its_part() {
+        let (mesh, _, _) = prism(|_| 1.0);
+        let sized = |size: f64| {
+            let area = JointArea { bone: 1, parent: 0, centre: DVec3::ZERO, radius: 1.0, patch: 0 };
+            let home = vec![Some(0); mesh.vertex_count()];
+            let mut areas = JointAreas::from_parts(vec![area], vec![size], home);
+            areas.limit(&mesh);
+            (areas.cell_sizes[0], areas.expected[0])
+        };
+        let (size, expected) = sized(0.1);
+        assert!(
+            size > 0.2 && expected <= MOST_OF_PATCH && expected > 0.9 * MOST_OF_PATCH,
+            "{size} {expected}"
+        );
+        assert_eq!(sized(0.8).0, 0.8, "few enough");
+    }
+
+    #[test]
     fn joints_of_very_different_thickness_have_cells_of_their_own() {
         let (mesh, skeleton, weights) = prism(|x| if x < 0.0 { 8.0 } else { 0.9 });
         let areas = JointAreas::new(&mesh, &skeleton, &weights, None);

@@ -87,3 +87,31 @@ fn with_coarser_faces(
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pbd::areas::tests::prism;
+
+    #[test]
+    fn a_fine_patch_has_no_cells_where_only_its_coarse_neighbour_blends() {
+        let (mesh, skeleton, _) = prism(|x| if x < 1.0 { 2.0 } else { 0.2 });
+        // The first joint blends far down its limb, to where the seam of the second one's cells reaches.
+        let ramp = |from: f64, to: f64, x: f64| ((x - from) / (to - from)).clamp(0.0, 1.0);
+        let rows = mesh.vertices().iter().map(|p| {
+            let (second, third) = (ramp(-4.5, 0.2, p.x), ramp(1.5, 2.5, p.x));
+            [1.0 - second, second - third, third]
+        });
+        let entries = rows.enumerate().flat_map(|(vertex, row)| {
+            row.into_iter().enumerate().map(move |(bone, weight)| (vertex as i64, bone as i64, weight))
+        });
+        let weights = SkinWeights::from_triplets(entries, mesh.vertex_count(), 3).unwrap();
+        let (settings, topology) = (PbdSettings::default(), mesh.topology());
+        let adjacency = Adjacency::new(mesh.vertex_count(), &topology);
+        let islands =
+            build_islands(&mesh, &skeleton, &weights, &settings, None, &topology, &adjacency).unwrap();
+        let volumes: Vec<f32> = islands.iter().map(|island| island.rest_volume).collect();
+        assert_eq!(islands.len(), 2, "{volumes:?}");
+        assert!(volumes.iter().any(|&volume| volume > 20.0 * volumes[0].min(volumes[1])));
+    }
+}

@@ -236,3 +236,43 @@ fn ordered_ring(next: &[(u32, u32)]) -> Option<Vec<u32>> {
     }
     (ring.len() == next.len() && ring.len() >= 3).then_some(ring)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::contact::ContactVertex;
+    use super::super::contact::tests::{bent, contact};
+    use super::*;
+
+    #[test]
+    fn what_was_pushed_is_looked_at_again_and_nothing_else() {
+        let (contact, rest) = contact();
+        let pose = bent(1.8);
+        let side = |below: bool| pose[usize::from(below)];
+        let of = |(vertex, p): (&ContactVertex, &Vec3)| side(vertex.below).transform_point3(*p);
+        let mut positions: Vec<Vec3> = contact.vertices.iter().zip(&rest).map(of).collect();
+        let frame = Affine3A::IDENTITY;
+        let joint = Joint { contact: &contact, rings: &[], local: &pose, frame: &frame, inverse: frame };
+        let mut search = JointSearch::default();
+        search.begin(&joint, &positions);
+        search.find(&joint, &positions, 0);
+        let first = search.found.pushes.clone();
+        assert!(first.len() > 2);
+        let mut pushed = vec![false; positions.len()];
+        search.look_again(&joint, &positions, &pushed);
+        assert_eq!(search.found.pushes, first, "none was pushed");
+        let most = |a: &&Push, b: &&Push| a.offset.length().total_cmp(&b.offset.length());
+        let deepest = *first.iter().max_by(most).unwrap();
+        let one = joint.vertex(search.near[deepest.listed as usize]);
+        positions[one] += deepest.offset;
+        pushed[one] = true;
+        search.look_again(&joint, &positions, &pushed);
+        let again = &search.found.pushes;
+        let left = again.iter().find(|push| push.listed == deepest.listed);
+        assert!(left.is_none_or(|left| left.offset.length() < 0.1 * deepest.offset.length()));
+        let others = |pushes: &[Push]| -> Vec<Push> {
+            pushes.iter().filter(|push| push.listed != deepest.listed).copied().collect()
+        };
+        assert_eq!(others(again), others(&first));
+        assert!(again.windows(2).all(|pair| pair[0].listed < pair[1].listed));
+    }
+}

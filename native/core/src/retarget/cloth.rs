@@ -34,7 +34,7 @@ const FLATTEST: f64 = 0.1;
 /// and is at least this share of the extent,
 const SHORTEST: f64 = 1e-4;
 /// and, once the cloth is laid, this share of what it was before.
-const KEPT: f64 = 0.2;
+const KEPT: f64 = 0.55;
 
 /// How a target is worn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
