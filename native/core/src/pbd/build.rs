@@ -95,11 +95,11 @@ mod tests {
 
     #[test]
     fn a_fine_patch_has_no_cells_where_only_its_coarse_neighbour_blends() {
-        let (mesh, skeleton, _) = prism(|x| if x < 1.0 { 2.0 } else { 0.2 });
+        let (mesh, skeleton, _) = prism(|x| if x < -1.2 { 2.0 } else { 0.2 });
         // The first joint blends far down its limb, to where the seam of the second one's cells reaches.
         let ramp = |from: f64, to: f64, x: f64| ((x - from) / (to - from)).clamp(0.0, 1.0);
         let rows = mesh.vertices().iter().map(|p| {
-            let (second, third) = (ramp(-4.5, 0.2, p.x), ramp(1.5, 2.5, p.x));
+            let (second, third) = (ramp(-4.5, -0.4, p.x), ramp(1.5, 2.5, p.x));
             [1.0 - second, second - third, third]
         });
         let entries = rows.enumerate().flat_map(|(vertex, row)| {
