@@ -308,5 +308,5 @@ def _rig_weights(names: tuple[str, ...], vertex_count: int) -> npt.NDArray[np.fl
 
 def normalized(weights: Floats) -> npt.NDArray[np.float32]:
     """Weights (n,B) scaled so that each row sums to 1."""
-    normalized: npt.NDArray[np.float32] = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
-    return normalized
+    shares: npt.NDArray[np.float32] = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+    return shares

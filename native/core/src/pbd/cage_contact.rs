@@ -96,12 +96,12 @@ impl CageContacts {
         let now = &*particles;
         each_fold(island, &mut self.joints, |contact, fold, joint| {
             let JointScratch { candidates, near, list, contact: found, .. } = joint;
-            list.clone_from(if refill { near } else { &found.pushable });
             if near.is_empty() || (!refill && found.level.is_none()) {
                 list.clear();
                 found.pushes.clear();
                 return;
             }
+            list.clone_from(if refill { near } else { &found.pushable });
             candidates.clear();
             candidates
                 .extend(list.iter().map(|&candidate| point_of(island, contact, candidate).position(now)));

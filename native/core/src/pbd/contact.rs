@@ -181,8 +181,9 @@ impl JointContact {
             places.clear();
             places.extend(listed().map(place_of));
             *level = field.fill(places, &scale, fold.deep);
-            let hollow = level.unwrap_or(0.0) * firmness.pull;
-            field.close(hollow, firmness.fill, scale.radius);
+            if let Some(level) = *level {
+                field.close(level * firmness.pull, firmness.fill, scale.radius);
+            }
             let can_be = |(_, place): &(&u32, &Place)| place.facing > 0.0 && place.inwards > -self.spacing;
             pushable.clear();
             pushable.extend(list.iter().zip(&*places).filter(can_be).map(|(&candidate, _)| candidate));

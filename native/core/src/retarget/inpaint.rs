@@ -3,7 +3,8 @@
 //! inpainting", 2023).
 //!
 //! A row may also be known within a reach only: a closest point tells the weights of cloth that hangs off
-//! the body no sharper than over some distance.
+//! the body no sharper than over some distance. Where that is most of a surface, a harmonic form in place of
+//! the biharmonic one evens such rows out without overshoot.
 //!
 //! Every hole is solved by itself, with one right-hand side for each bone that occurs around it.
 //! Negative values are cut off and rows scaled to a sum of 1. Around what was filled, and nowhere
@@ -316,6 +317,23 @@ mod tests {
         };
         let [sharp, soft, softer] = [1e-3, 0.05, 0.1].map(slope);
         assert!((sharp - 1.0).abs() < 1e-3 && sharp > soft + 0.02 && soft > softer + 0.1, "{soft} {softer}");
+    }
+
+    #[test]
+    fn a_step_that_is_evened_out_harmonically_decays_with_its_reach() {
+        let (tube, reach) = (tube(0.3, 3.0, 32, 90), 0.2);
+        let rows: Vec<Row> =
+            tube.vertices().iter().map(|p| vec![(if p.z < 1.5 { 3 } else { 7 }, 1.0)]).collect();
+        let known = vec![Known::Within(reach); rows.len()];
+        let settings = InpaintSettings { harmonic: true, ..UNSMOOTHED };
+        let found = inpaint(&tube, &rows, &known, &settings, &Progress::new()).unwrap();
+        for (row, point) in found.rows.iter().zip(tube.vertices()) {
+            // ℓ² w″ = w − w₀, the step half way between two rings.
+            let from = point.z - (1.5 - 0.5 * 3.0 / 90.0);
+            let tail = 0.5 * (-from.abs() / reach).exp();
+            let expected = if from > 0.0 { 1.0 - tail } else { tail };
+            assert!((weight(row, 7) - expected).abs() < 0.01, "{from} {} {expected}", weight(row, 7));
+        }
     }
 
     #[test]
