@@ -77,7 +77,7 @@ pub(crate) fn rest_space_offsets<'py>(
             true => Skinning::dual_quaternion(&transforms.0, None),
             false => Skinning::linear(&transforms.0),
         };
-        skinning::to_rest_space(&skinning, &weights.0, &offsets, shares.as_deref())
+        skinning::to_rest_space(&skinning, &weights.0, |vertex| offsets[vertex], shares.as_deref())
     });
     Ok((positions_array(py, &result.offsets)?, result.limited))
 }

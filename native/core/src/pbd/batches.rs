@@ -130,7 +130,7 @@ mod tests {
             let mut seen: Vec<u32> = batches.members.iter().flatten().copied().flatten().collect();
             seen.sort_unstable();
             assert_eq!(seen, Vec::from_iter(0..count));
-            for (particles, members) in batches.corners.batches().iter().zip(&batches.members) {
+            for (particles, members) in batches.corners.batches().zip(&batches.members) {
                 let mut used: Vec<u32> = particles.iter().flatten().copied().filter(|&p| p != idle).collect();
                 used.sort_unstable();
                 assert!(used.windows(2).all(|pair| pair[0] < pair[1]), "{particles:?}");
@@ -199,7 +199,8 @@ mod tests {
         free[4] = true;
         let mut found = vec![77];
         batches.select(&free, &mut found);
-        let holds = |b: &u32| batches.corners.batches()[*b as usize].iter().flatten().any(|&p| p == 4);
+        let corners = Vec::from_iter(batches.corners.batches());
+        let holds = |b: &u32| corners[*b as usize].iter().flatten().any(|&p| p == 4);
         assert!(!found.is_empty() && found.iter().all(holds));
         assert_eq!(found.len(), (0..batches.corners.batches().len() as u32).filter(holds).count());
     }

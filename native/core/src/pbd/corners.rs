@@ -3,30 +3,39 @@
 //!
 //! A batch of tetrahedra takes 64 checks for its 32 corners, and a sweep a twelfth of its time. Instead one
 //! look at all indices when they are built, and one at the count of the particles when a sweep begins, prove
-//! what `unsafe` needs: every index of [`CornerIndices`] is below its bound, and [`Corners`] hold at least so
-//! many particles. The fields that this hangs on are private to this file and never change.
+//! what `unsafe` needs: every offset of [`CornerIndices`] is that of a particle below its bound, and [`Corners`]
+//! hold at least so many particles. The fields that this hangs on are private to this file and never change.
 
 #![allow(unsafe_code)]
 
 use super::lanes::{BATCH, Particle};
 
+/// Bytes from a particle to the next.
+const STRIDE: u32 = size_of::<Particle>() as u32;
+
 /// Particles of the constraints in each batch: corner by corner, one lane for each constraint.
 #[derive(Debug, Clone, Default)]
 pub(super) struct CornerIndices<const K: usize> {
-    batches: Vec<[[u32; BATCH]; K]>,
+    /// Their places in bytes: what a sweep adds to the first one's address, without multiplying.
+    offsets: Vec<[[u32; BATCH]; K]>,
     /// All indices are below.
     bound: usize,
 }
 
 impl<const K: usize> CornerIndices<K> {
-    pub(super) fn new(batches: Vec<[[u32; BATCH]; K]>) -> Self {
+    /// # Panics
+    /// Where a place in bytes is beyond 32 bits: from 268 million particles on.
+    pub(super) fn new(mut batches: Vec<[[u32; BATCH]; K]>) -> Self {
         let indices = batches.iter().flatten().flatten();
         let bound = indices.max().map_or(0, |&last| last as usize + 1);
-        Self { batches, bound }
+        assert!(bound <= (u32::MAX / STRIDE) as usize, "{bound} particles in an island");
+        batches.iter_mut().flatten().flatten().for_each(|index| *index *= STRIDE);
+        Self { offsets: batches, bound }
     }
 
-    pub(super) fn batches(&self) -> &[[[u32; BATCH]; K]] {
-        &self.batches
+    /// The particles of each batch.
+    pub(super) fn batches(&self) -> impl ExactSizeIterator<Item = [[u32; BATCH]; K]> + '_ {
+        self.offsets.iter().map(|corners| corners.map(indices_of))
     }
 
     /// The corners of all batches.
@@ -35,13 +44,13 @@ impl<const K: usize> CornerIndices<K> {
     /// Where an index is beyond the particles.
     pub(super) fn of<'a>(&'a self, particles: &'a mut [Particle]) -> Corners<'a, K> {
         assert!(self.bound <= particles.len(), "{} particles, {} named", particles.len(), self.bound);
-        Corners { batches: &self.batches, particles }
+        Corners { offsets: &self.offsets, particles }
     }
 }
 
 /// Batches with the particles that they name.
 pub(super) struct Corners<'a, const K: usize> {
-    batches: &'a [[[u32; BATCH]; K]],
+    offsets: &'a [[[u32; BATCH]; K]],
     /// As many as the indices are below, or more.
     particles: &'a mut [Particle],
 }
@@ -50,39 +59,43 @@ impl<const K: usize> Corners<'_, K> {
     /// One of the batches.
     #[inline(always)]
     pub(super) fn batch(&mut self, batch: usize) -> BatchCorners<'_, K> {
-        BatchCorners { indices: &self.batches[batch], particles: self.particles }
+        BatchCorners { offsets: &self.offsets[batch], particles: self.particles }
     }
 }
 
 /// One batch with its particles.
 pub(super) struct BatchCorners<'a, const K: usize> {
-    indices: &'a [[u32; BATCH]; K],
+    offsets: &'a [[u32; BATCH]; K],
     particles: &'a mut [Particle],
 }
 
 impl<const K: usize> BatchCorners<'_, K> {
     /// The particles of a corner.
     #[inline(always)]
-    pub(super) fn indices(&self, corner: usize) -> &[u32; BATCH] {
-        &self.indices[corner]
+    pub(super) fn indices(&self, corner: usize) -> [u32; BATCH] {
+        indices_of(self.offsets[corner])
     }
 
     /// The particle at a corner of the constraint in a lane.
     #[inline(always)]
     pub(super) fn get(&self, corner: usize, lane: usize) -> Particle {
-        let index = self.indices[corner][lane] as usize;
-        // SAFETY: the index is below the bound of its `CornerIndices`, and `CornerIndices::of`, which alone
-        // makes `Corners`, has seen that there are at least so many particles.
-        unsafe { *self.particles.get_unchecked(index) }
+        let offset = self.offsets[corner][lane] as usize;
+        // SAFETY: the offset is that of a particle below the bound of its `CornerIndices`, and
+        // `CornerIndices::of`, which alone makes `Corners`, has seen that there are at least so many.
+        unsafe { *self.particles.as_ptr().byte_add(offset) }
     }
 
     /// Overwrites the particle at a corner of the constraint in a lane.
     #[inline(always)]
     pub(super) fn set(&mut self, corner: usize, lane: usize, particle: Particle) {
-        let index = self.indices[corner][lane] as usize;
+        let offset = self.offsets[corner][lane] as usize;
         // SAFETY: as in `get`.
-        unsafe { *self.particles.get_unchecked_mut(index) = particle };
+        unsafe { *self.particles.as_mut_ptr().byte_add(offset) = particle };
     }
+}
+
+fn indices_of(offsets: [u32; BATCH]) -> [u32; BATCH] {
+    offsets.map(|offset| offset / STRIDE)
 }
 
 #[cfg(test)]

@@ -338,8 +338,8 @@ mod tests {
                         found.push(std::array::from_fn(|k| particle(k).unwrap()));
                     }
                 }
-                let lanes = domain.edges.corners.batches().iter().flat_map(|[a, _]| a);
-                lines += lanes.filter(|&&a| a != idle).count();
+                let lanes = domain.edges.corners.batches().flat_map(|[a, _]| a);
+                lines += lanes.filter(|&a| a != idle).count();
             }
             found.sort_unstable();
             let mut wanted = tetrahedra.clone();
@@ -354,7 +354,7 @@ mod tests {
         let (domains, ..) = domains(40, 239);
         let count = |domain: &Domain| {
             let idle = domain.particles.len() as u32 - 1;
-            domain.tetrahedra.corners.batches().iter().flat_map(|[a, ..]| a).filter(|&&a| a != idle).count()
+            domain.tetrahedra.corners.batches().flat_map(|[a, ..]| a).filter(|&a| a != idle).count()
         };
         let [first, second, across] = [0, 1, 2].map(|index| count(&domains[index]));
         assert_eq!(first + second + across, 240);

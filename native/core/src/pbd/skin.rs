@@ -170,17 +170,14 @@ impl PbdSkin {
         Ok(self.on_threads(|| {
             let begin = Instant::now();
             let skinning = self.skinning(transforms);
+            let pose = Pose { skinning: &skinning, transforms, vertices };
             let mut positions = vec![Vec3::ZERO; self.rest.len()];
-            skinning.all_into(vertices.unwrap_or(&self.rest), &self.weights, &mut positions);
-            let skinned = milliseconds(begin);
             let mut scratch = self.take_scratch();
             let PoseScratch { islands, surface, .. } = &mut scratch;
-            let mut stats = self.solve_islands(transforms, islands);
+            let mut stats = self.skin_and_solve(&pose, islands, &mut positions);
             let surface_begin = Instant::now();
-            let pose = Pose { skinning: &skinning, transforms, vertices };
             self.correct(&pose, islands, surface, &mut positions, &mut stats.work);
             stats.milliseconds.surface = milliseconds(surface_begin);
-            stats.milliseconds.skinning = skinned;
             stats.milliseconds.total = milliseconds(begin);
             self.give_scratch(scratch);
             SolvedSkin { vertices: positions, stats }
@@ -208,20 +205,24 @@ impl PbdSkin {
             let skinning = self.skinning(transforms);
             let mut scratch = self.take_scratch();
             let PoseScratch { islands, plain, solved, surface } = &mut scratch;
-            let mut stats = self.solve_islands(transforms, islands);
+            let pose = Pose { skinning: &skinning, transforms, vertices };
+            plain.resize(self.rest.len(), Vec3::ZERO);
+            // Unless it is stretched, what moves as a whole has no active island and needs no plain skin.
+            let moves_as_one = transforms.windows(2).all(|pair| pair[0] == pair[1]);
+            let mut stats = match moves_as_one {
+                true => self.solve_islands(transforms, islands),
+                false => self.skin_and_solve(&pose, islands, plain),
+            };
             let rest = if stats.active_islands > 0 {
-                let skinning_begin = Instant::now();
-                plain.resize(self.rest.len(), Vec3::ZERO);
-                skinning.all_into(vertices.unwrap_or(&self.rest), &self.weights, plain);
-                stats.milliseconds.skinning = milliseconds(skinning_begin);
+                if moves_as_one {
+                    skinning.all_into(vertices.unwrap_or(&self.rest), &self.weights, plain);
+                }
                 let surface_begin = Instant::now();
                 solved.clone_from(plain);
-                let pose = Pose { skinning: &skinning, transforms, vertices };
                 self.correct(&pose, islands, surface, solved, &mut stats.work);
-                for (vertex, (solved, plain)) in solved.iter_mut().zip(plain).enumerate() {
-                    *solved = (*solved - *plain) * shares.map_or(1.0, |shares| shares[vertex]);
-                }
-                let rest = to_rest_space(&skinning, &self.weights, solved, shares);
+                let share = |vertex: usize| shares.map_or(1.0, |shares| shares[vertex]);
+                let offset = |vertex: usize| (solved[vertex] - plain[vertex]) * share(vertex);
+                let rest = to_rest_space(&skinning, &self.weights, offset, shares);
                 stats.milliseconds.surface = milliseconds(surface_begin);
                 rest
             } else {
@@ -259,6 +260,18 @@ impl PbdSkin {
                 Skinning::dual_quaternion(transforms, self.bone_rest.as_deref())
             }
         }
+    }
+
+    /// Solves the islands while a thread that is free skins the surface (V) plainly.
+    fn skin_and_solve(&self, pose: &Pose<'_>, islands: &mut [IslandScratch], plain: &mut [Vec3]) -> Stats {
+        let skin = || {
+            let begin = Instant::now();
+            pose.skinning.all_into(pose.vertices.unwrap_or(&self.rest), &self.weights, plain);
+            milliseconds(begin)
+        };
+        let (mut stats, skinned) = rayon::join(|| self.solve_islands(pose.transforms, islands), skin);
+        stats.milliseconds.skinning = skinned;
+        stats
     }
 
     fn solve_islands(&self, transforms: &[Affine3A], scratch: &mut [IslandScratch]) -> Stats {

@@ -42,7 +42,7 @@ pub(super) fn count_inverted(batches: &Batches<4>, active: &[u32], particles: &m
 fn volumes(corners: &BatchCorners<'_, 4>, idle: u32) -> impl Iterator<Item = f32> + use<> {
     let of_part = |part: usize| signed_volume(load_tetrahedra(Portable, corners, part).0);
     let volumes: [_; Portable::PARTS] = std::array::from_fn(|part| of_part(part).to_array());
-    let named = volumes.into_iter().flatten().zip(*corners.indices(0));
+    let named = volumes.into_iter().flatten().zip(corners.indices(0));
     named.filter(move |&(_, corner)| corner != idle).map(|(volume, _)| volume)
 }
 

@@ -30,25 +30,25 @@ impl RestSpaceOffsets {
     }
 }
 
-/// Takes offsets (V) of the skinned surface back to rest by the inverse of each vertex's blended
-/// matrix M, or of (1 − s) I + s M where `shares` s (V) of the vertices follow the skinning. Nearly
-/// singular matrices are limited, so that no vertex is thrown away, and counted. Vertices without
-/// weights keep their offset. All must have one entry (row) for each vertex.
+/// Takes the offset of each vertex (V rows of `weights`) of the skinned surface back to rest by the inverse
+/// of its blended matrix M, or of (1 − s) I + s M where `shares` s (V) of the vertices follow the skinning.
+/// Nearly singular matrices are limited, so that no vertex is thrown away, and counted. Vertices without
+/// weights keep their offset. `shares` must have one entry for each vertex.
 #[must_use]
 pub fn to_rest_space(
     skinning: &Skinning<'_>,
     weights: &SkinWeights,
-    offsets: &[Vec3],
+    offset_of: impl Fn(usize) -> Vec3 + Sync,
     shares: Option<&[f32]>,
 ) -> RestSpaceOffsets {
-    let mut rest = vec![Vec3::ZERO; offsets.len()];
+    let mut rest = vec![Vec3::ZERO; weights.vertex_count()];
     let limited = rest
         .par_chunks_mut(CHUNK)
         .enumerate()
         .map(|(chunk, rest)| {
             let mut limited = 0;
             for (vertex, out) in (chunk * CHUNK..).zip(rest) {
-                let offset = offsets[vertex];
+                let offset = offset_of(vertex);
                 if offset != Vec3::ZERO {
                     let mut matrix = skinning.matrix(weights.row(vertex));
                     if let Some(shares) = shares {
@@ -111,7 +111,7 @@ mod tests {
             let (v, d) = (Vec3::from_array(v), Vec3::from_array(d));
             let transforms = [Affine3A::IDENTITY, Affine3A::from_rotation_x(angle)];
             let skinning = Skinning::linear(&transforms);
-            let rest = to_rest_space(&skinning, &weights(), &[d, Vec3::ONE], None);
+            let rest = to_rest_space(&skinning, &weights(), |v| [d, Vec3::ONE][v], None);
             prop_assert_eq!(rest.limited, 0);
             prop_assert_eq!(rest.offsets[1], Vec3::ONE, "a vertex without weights");
             let skin = |v: Vec3| linear_blend_skinning(&[v, v], &weights(), &transforms).unwrap()[0];
@@ -125,7 +125,7 @@ mod tests {
         let skinning = Skinning::linear(&transforms);
         let (v, d) = (Vec3::new(0.3, 0.5, -0.2), Vec3::new(0.02, -0.01, 0.03));
         for share in [0.0, 0.3, 1.0] {
-            let rest = to_rest_space(&skinning, &weights(), &[d, Vec3::ZERO], Some(&[share, 1.0]));
+            let rest = to_rest_space(&skinning, &weights(), |v| [d, Vec3::ZERO][v], Some(&[share, 1.0]));
             let masked = |v: Vec3| v.lerp(skinning.vertex(v, weights().row(0)), share);
             assert!((masked(v + rest.offsets[0]) - masked(v)).distance(d) < 1e-6, "{share}");
         }
@@ -140,7 +140,7 @@ mod tests {
             let skinning = Skinning::linear(&transforms);
             // The direction that the collapse shrinks most, at the size that the collapse leaves.
             let wanted = Vec3::from(skinning.matrix(weights().row(0)) * Vec3A::Y);
-            let rest = to_rest_space(&skinning, &weights(), &[wanted, Vec3::ZERO], None);
+            let rest = to_rest_space(&skinning, &weights(), |v| [wanted, Vec3::ZERO][v], None);
             let length = rest.offsets[0].length();
             if tenths < 1788 {
                 assert_eq!(rest.limited, 0, "{tenths}");
@@ -156,11 +156,11 @@ mod tests {
     #[test]
     fn a_half_turn_is_limited_and_finite() {
         let transforms = [Affine3A::IDENTITY, Affine3A::from_rotation_x(std::f32::consts::PI)];
-        let rest = to_rest_space(&Skinning::linear(&transforms), &weights(), &[Vec3::Y, Vec3::ZERO], None);
+        let rest = to_rest_space(&Skinning::linear(&transforms), &weights(), |v| [Vec3::Y, Vec3::ZERO][v], None);
         assert_eq!(rest.limited, 1);
         assert!(rest.offsets[0].is_finite() && rest.offsets[0].length() < 1.0 / SINGULAR as f32);
         let flat = [Affine3A::from_scale(Vec3::ZERO); 2];
-        let rest = to_rest_space(&Skinning::linear(&flat), &weights(), &[Vec3::Y, Vec3::ZERO], None);
+        let rest = to_rest_space(&Skinning::linear(&flat), &weights(), |v| [Vec3::Y, Vec3::ZERO][v], None);
         assert_eq!((rest.limited, rest.offsets[0]), (1, Vec3::ZERO));
     }
 }
