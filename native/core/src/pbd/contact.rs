@@ -63,6 +63,9 @@ const SLACK: f32 = 0.7;
 const LEFT_OUT_SLACK: f32 = 0.4;
 /// Half the gap that is left between the sides, in radii.
 pub(super) const THICKNESS: f32 = 0.01;
+/// Distance from the other side, in spacings, from which on a candidate in no gap that closes is not looked at
+/// again before the next fill.
+const FAR: f32 = 2.0;
 /// Smaller pushes than this, in spacings, are left out.
 const LEAST_PUSH: f32 = 1e-4;
 
@@ -91,8 +94,8 @@ pub(super) struct ContactScratch {
     field: FoldField,
     /// How far the sides were in contact at the last fill; `None` when they did not feel each other.
     pub level: Option<f32>,
-    /// Candidates of the last fill that contact can push until the next one: the others only count for the
-    /// heights of their side.
+    /// Candidates of the last fill that contact may push until the next one: the others are far from the other
+    /// side, or only count for the heights of theirs.
     pub pushable: Vec<u32>,
     /// The result.
     pub pushes: Vec<Push>,
@@ -173,31 +176,35 @@ impl JointContact {
         let ContactScratch { places, field, level, pushable, pushes } = scratch;
         pushes.clear();
         let scale = self.scale();
-        let listed = || list.iter().zip(positions);
-        let place_of = |(&candidate, &position): (&u32, &Vec3)| {
-            self.place(fold, &self.vertices[candidate as usize], position)
-        };
         if refill {
             places.clear();
-            places.extend(listed().map(place_of));
+            places.extend(list.iter().zip(positions).map(|(&candidate, &position)| {
+                self.place(fold, &self.vertices[candidate as usize], position)
+            }));
+            pushable.clear();
             *level = field.fill(places, &scale, fold.deep);
             if let Some(level) = *level {
                 field.close(level * firmness.pull, firmness.fill, scale.radius);
             }
-            let can_be = |(_, place): &(&u32, &Place)| place.facing > 0.0 && place.inwards > -self.spacing;
-            pushable.clear();
-            pushable.extend(list.iter().zip(&*places).filter(can_be).map(|(&candidate, _)| candidate));
         }
         let &mut Some(level) = level else { return };
         let thickness = THICKNESS * self.radius;
         let all = self.resolved() * fold.strength;
-        for (listed, entry) in (0..).zip(listed()) {
-            let place = place_of(entry);
-            if place.inwards <= 0.0 || place.facing <= 0.0 {
+        for (listed, (&candidate, &position)) in list.iter().zip(positions).enumerate() {
+            let vertex = &self.vertices[candidate as usize];
+            let place = if refill { places[listed] } else { self.place(fold, vertex, position) };
+            if place.facing <= 0.0 || place.inwards <= -self.spacing {
                 continue;
             }
-            let vertex = &self.vertices[*entry.0 as usize];
             let beyond = place.beyond - field.middle(&place) + thickness;
+            let located = field.locate(&place);
+            let closes = field.closing(located);
+            if refill && (closes > 0.0 || beyond > -FAR * self.spacing) {
+                pushable.push(candidate);
+            }
+            if place.inwards <= 0.0 {
+                continue;
+            }
             let amount = if beyond > 0.0 {
                 let over = field.sunk(&place, beyond) - vertex.rest_overlap;
                 if over <= 0.0 {
@@ -205,8 +212,6 @@ impl JointContact {
                 }
                 level * over * over / (over + firmness.softness * scale.margin)
             } else {
-                let located = field.locate(&place);
-                let closes = field.closing(located);
                 if closes <= 0.0 {
                     continue;
                 }
@@ -217,7 +222,7 @@ impl JointContact {
             let amount = amount * all * place.facing * (place.inwards / self.spacing).min(1.0);
             if amount.abs() > LEAST_PUSH * self.spacing {
                 let direction = if vertex.below { amount } else { -amount };
-                pushes.push(Push { listed, offset: fold.plane.normal * direction });
+                pushes.push(Push { listed: listed as u32, offset: fold.plane.normal * direction });
             }
         }
     }
