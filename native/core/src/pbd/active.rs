@@ -51,6 +51,8 @@ pub(super) struct ActivePart {
     part_of: Vec<u32>,
     /// Concerned particles, ring after ring.
     rings: Vec<u32>,
+    /// Part that carries each particle rigidly (P), [`MIXED`] for those that are concerned.
+    carriers: Vec<u32>,
 }
 
 impl ActivePart {
@@ -93,11 +95,7 @@ impl ActivePart {
     /// `bones` are those of its vertex.
     pub(super) fn concerns(&self, corners: &[u32; 4], bones: &[u32]) -> bool {
         let part = self.parts.of(bones);
-        let differs = |&corner: &u32| {
-            let corner = corner as usize;
-            self.concerned[corner] || self.part_of[corner] != part
-        };
-        part == MIXED || corners.iter().any(differs)
+        part == MIXED || corners.iter().any(|&corner| self.carriers[corner as usize] != part)
     }
 
     /// Adds the rings around all that is there, and frees it.
@@ -113,6 +111,10 @@ impl ActivePart {
             }
             done = end;
         }
+        let Self { part_of, concerned, carriers, .. } = self;
+        carriers.clear();
+        let parts = part_of.iter().zip(&*concerned);
+        carriers.extend(parts.map(|(&part, &concerned)| if concerned { MIXED } else { part }));
         self.inverse_masses.clear();
         let masses = island.inverse_masses.iter().zip(&self.concerned);
         self.inverse_masses.extend(masses.map(|(&mass, &concerned)| if concerned { mass } else { 0.0 }));

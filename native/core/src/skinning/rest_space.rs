@@ -156,7 +156,8 @@ mod tests {
     #[test]
     fn a_half_turn_is_limited_and_finite() {
         let transforms = [Affine3A::IDENTITY, Affine3A::from_rotation_x(std::f32::consts::PI)];
-        let rest = to_rest_space(&Skinning::linear(&transforms), &weights(), |v| [Vec3::Y, Vec3::ZERO][v], None);
+        let rest =
+            to_rest_space(&Skinning::linear(&transforms), &weights(), |v| [Vec3::Y, Vec3::ZERO][v], None);
         assert_eq!(rest.limited, 1);
         assert!(rest.offsets[0].is_finite() && rest.offsets[0].length() < 1.0 / SINGULAR as f32);
         let flat = [Affine3A::from_scale(Vec3::ZERO); 2];
