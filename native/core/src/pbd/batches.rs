@@ -66,7 +66,7 @@ impl<const K: usize> Batches<K> {
 }
 
 /// Constraints that are shuffled together, at most.
-const LARGEST_WINDOW: usize = 256;
+const LARGEST_WINDOW: usize = 512;
 /// Windows that an island has at least.
 const WINDOWS: usize = 20;
 
