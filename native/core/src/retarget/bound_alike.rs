@@ -4,7 +4,8 @@
 //! Whoever paints weights begins with some that a program makes from the skeleton, or ends with such
 //! as they would make. Two ways stand for all: heat over the surface ([`bone_heat`]) and walks
 //! through the volume. The share of each is the one whose mix differs least (L1) from what was
-//! painted on the source; the target is bound by the same mix.
+//! painted on the source; the target is bound by the same mix. Programs differ in whether a bone warms skin that
+//! it does not see; the source tells that too, and where it has no such skin, bones warm what they see.
 //!
 //! A bone without weight may be one that nobody was to use, or one that the bind itself gave nothing, such as the
 //! end of a toe deep in a foot. Where heat prevails and leaves such a bone cold on the source, it may warm the target.
@@ -52,31 +53,40 @@ pub(super) fn bind_alike(
     progress: &Progress,
 ) -> Result<BoundAlike, RetargetError> {
     let painted: Vec<Row> = (0..weights.vertex_count()).map(|v| row_of(weights, v)).collect();
-    let (volumetric, heat) = {
-        let _source = progress.part(0.0, 0.5);
-        both(source, progress)?
+    let (volumetric, seen) = {
+        let _source = progress.part(0.0, 0.4);
+        both(source, true, progress)?
+    };
+    let unseen = {
+        let _source = progress.part(0.4, 0.5);
+        by_heat(source, false, Some(&volumetric), progress)?
     };
     let _target = progress.part(0.5, 1.0);
-    let off = |share: f64| -> f64 {
+    let off = |heat: &[Row], share: f64| -> f64 {
         let rows = painted.iter().zip(heat.iter().zip(&volumetric)).filter(|(row, _)| !row.is_empty());
         rows.map(|(row, (heat, volumetric))| spread(row, [&mixed(heat, volumetric, share)].into_iter())).sum()
     };
     let counted = painted.iter().filter(|row| !row.is_empty()).count().max(1) as f64;
-    let tried = (0..=SHARES).map(|k| k as f64 / SHARES as f64).map(|share| (share, off(share)));
-    let (share, left) = tried.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.5, 0.0));
+    let best = |heat: &[Row]| {
+        let tried = (0..=SHARES).map(|k| k as f64 / SHARES as f64).map(|share| (share, off(heat, share)));
+        tried.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.5, 0.0))
+    };
+    let (of_seen, of_all) = (best(&seen), best(&unseen));
+    let sight = of_seen.1 <= of_all.1;
+    let ((share, left), heat) = if sight { (of_seen, seen) } else { (of_all, unseen) };
     let mut takes_part = target.takes_part.to_vec();
     if share >= PREVAILS {
-        let cold = cold_bones(source, bone_map, &heat, progress)?;
+        let cold = cold_bones((source, sight), bone_map, &heat, progress)?;
         cold.iter()
             .flat_map(|&bone| bone_map.targets(bone))
             .for_each(|&bone| takes_part[bone as usize] = true);
     }
     let target = Bindable { takes_part: &takes_part, ..target };
     let of_target = match share {
-        share if share >= 1.0 => by_heat(target, None, progress)?,
+        share if share >= 1.0 => by_heat(target, sight, None, progress)?,
         share if share <= 0.0 => by_volume(target, progress)?,
         share => {
-            let (volumetric, heat) = both(target, progress)?;
+            let (volumetric, heat) = both(target, sight, progress)?;
             mix(&heat, &volumetric, share)
         }
     };
@@ -86,7 +96,7 @@ pub(super) fn bind_alike(
 
 /// Bones without weight that hang on one with weight, and that heat leaves without.
 fn cold_bones(
-    source: Bindable<'_>,
+    (source, sight): (Bindable<'_>, bool),
     bone_map: &BoneMap,
     otherwise: &[Row],
     progress: &Progress,
@@ -100,20 +110,24 @@ fn cold_bones(
     }
     let mut takes_part = source.takes_part.to_vec();
     idle.iter().for_each(|&bone| takes_part[bone] = true);
-    let rows = by_heat(Bindable { takes_part: &takes_part, ..source }, Some(otherwise), progress)?;
+    let rows = by_heat(Bindable { takes_part: &takes_part, ..source }, sight, Some(otherwise), progress)?;
     let mut warm = vec![false; takes_part.len()];
     rows.iter().flatten().for_each(|&(bone, _)| warm[bone as usize] = true);
     Ok(idle.into_iter().filter(|&bone| !warm[bone]).collect())
 }
 
 /// Rows by volume and by heat.
-fn both(character: Bindable<'_>, progress: &Progress) -> Result<(Vec<Row>, Vec<Row>), RetargetError> {
+fn both(
+    character: Bindable<'_>,
+    sight: bool,
+    progress: &Progress,
+) -> Result<(Vec<Row>, Vec<Row>), RetargetError> {
     let volumetric = {
         let _volumetric = progress.part(0.0, 0.7);
         by_volume(character, progress)?
     };
     let _heat = progress.part(0.7, 1.0);
-    let heat = by_heat(character, Some(&volumetric), progress)?;
+    let heat = by_heat(character, sight, Some(&volumetric), progress)?;
     Ok((volumetric, heat))
 }
 
@@ -126,15 +140,23 @@ fn by_volume(character: Bindable<'_>, progress: &Progress) -> Result<Vec<Row>, R
 /// Rows by heat, by `otherwise` where there is none; made here where it is not given.
 fn by_heat(
     character: Bindable<'_>,
+    sight: bool,
     otherwise: Option<&[Row]>,
     progress: &Progress,
 ) -> Result<Vec<Row>, RetargetError> {
     progress.begin("Spreading heat", 0.0, 0.5)?;
-    let Surroundings { mesh, shell, .. } = character.surface;
+    let Surroundings { mesh, shell, query } = character.surface;
     let mut rows = match shell.welded(mesh) {
         Ok(welded) => {
             let sides = Sides { side: &shell.side, extent: shell.extent };
-            let warmed = bone_heat(&welded, sides, character.skeleton, character.takes_part, progress)?;
+            let warmed = bone_heat(
+                &welded,
+                sides,
+                character.skeleton,
+                character.takes_part,
+                sight.then_some(query),
+                progress,
+            )?;
             shell.stands_for().iter().map(|&v| warmed[v as usize].clone()).collect()
         }
         Err(_) => vec![Row::new(); mesh.vertex_count()],
@@ -169,8 +191,38 @@ mod tests {
     use super::super::shell::Shell;
     use super::*;
     use crate::mesh::SurfaceQuery;
-    use crate::mesh::test_surfaces::tube;
+    use crate::mesh::TriangleMesh;
+    use crate::mesh::test_surfaces::{joined, mapped, tube};
     use crate::rig::map_bones;
+
+    /// Two limbs side by side; the bone of the second ends where the limb has three quarters of its length to go.
+    fn limbs() -> (TriangleMesh, Skeleton) {
+        let limb = |x: f64| mapped(&tube(0.5, 4.0, 24, 48), |p| p + DVec3::X * x);
+        let (heads, tails) =
+            ([DVec3::ZERO, DVec3::X * 1.2], [DVec3::new(0.0, 0.0, 4.0), DVec3::new(1.2, 0.0, 1.0)]);
+        let skeleton = Skeleton::new(heads.to_vec(), tails.to_vec(), &[-1, -1], None).unwrap();
+        (joined(&limb(0.0), &limb(1.2)), skeleton)
+    }
+
+    #[test]
+    fn the_source_s_weights_tell_whether_bones_warm_what_they_do_not_see() {
+        let (mesh, skeleton) = limbs();
+        let query = SurfaceQuery::new(&mesh).unwrap();
+        let shell = Shell::new(&mesh, &query, &Progress::new()).unwrap();
+        let surface = Surroundings { mesh: &mesh, query: &query, shell: &shell };
+        let bindable = Bindable { surface, skeleton: &skeleton, takes_part: &[true, true] };
+        let bone_map = map_bones(&skeleton, &skeleton).unwrap();
+        let made = [true, false].map(|sight| by_heat(bindable, sight, None, &Progress::new()).unwrap());
+        let far = |a: &[Row], b: &[Row]| -> f64 {
+            a.iter().zip(b).map(|(a, b)| spread(a, [b].into_iter())).fold(0.0, f64::max)
+        };
+        assert!(far(&made[0], &made[1]) > 1.0);
+        for rows in made {
+            let painted = SkinWeights::from_rows(rows.iter().cloned(), 2);
+            let found = bind_alike(bindable, &painted, bindable, &bone_map, &Progress::new()).unwrap();
+            assert!(found.unexplained < 1e-6 && far(&found.target, &rows) < 1e-9);
+        }
+    }
 
     #[test]
     fn an_idle_bone_is_cold_where_others_are_nearer_to_all_skin() {
@@ -187,6 +239,6 @@ mod tests {
         let bindable = Bindable { surface, skeleton: &skeleton, takes_part: &takes_part };
         let bone_map = map_bones(&skeleton, &skeleton).unwrap();
         let otherwise = vec![Row::new(); limb.vertex_count()];
-        assert_eq!(cold_bones(bindable, &bone_map, &otherwise, &Progress::new()).unwrap(), [2]);
+        assert_eq!(cold_bones((bindable, false), &bone_map, &otherwise, &Progress::new()).unwrap(), [2]);
     }
 }
