@@ -56,3 +56,14 @@ def body_poses(skeleton):
         "spine 35": ("spine_02", sideways, 35),
     }
     return {name: turned(skeleton, {b: np.radians(angle) * axis}) for name, (b, axis, angle) in turns.items()}
+
+
+FINGERS = ("index", "middle", "ring", "pinky")
+
+
+def curled(skeleton, degrees, fingers=FINGERS, axis=None):
+    """Transforms of the left hand with all three joints of fingers bent, by default about the line across its palm."""
+    knuckle = {finger: skeleton.heads[list(skeleton.names).index(f"{finger}_01_l")] for finger in FINGERS}
+    axis = np.asarray(knuckle["pinky"] - knuckle["index"] if axis is None else axis, float)
+    turn = np.radians(degrees) * axis / np.linalg.norm(axis)
+    return turned(skeleton, {f"{finger}_0{joint}_l": turn for finger in fingers for joint in (1, 2, 3)})

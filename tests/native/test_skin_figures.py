@@ -15,7 +15,7 @@ from deformation import (
     volume,
 )
 from dermis_native import PbdSkin, SkinWeights, linear_blend_skinning
-from skin_poses import CYLINDER, body_poses, cylinder, cylinder_pose
+from skin_poses import CYLINDER, FINGERS, body_poses, curled, cylinder, cylinder_pose
 from surfaces import body
 
 
@@ -127,6 +127,37 @@ def test_an_arm_dents_the_trunk_instead_of_passing_into_it(person):
     print(f"crossing pairs without and with contact: {left}")
     assert sum(without for without, _ in left.values()) > 50
     assert sum(with_it for _, with_it in left.values()) <= 0.15 * sum(without for without, _ in left.values())
+
+
+@pytest.mark.parametrize("macro", [{}, {"age": 0.1875}, {"gender": 1.0}], ids=["average", "child", "young male"])
+def test_fingers_stretch_less_than_by_plain_skinning(macro):
+    """One finger and whole hands: where they press on each other, no edge is drawn out of the surface."""
+    mesh, skeleton, dense = body("fingers", **macro)
+    weights = SkinWeights.from_dense(dense)
+    skin = PbdSkin(mesh, skeleton, weights)
+    for fingers in (FINGERS, ("index",)):
+        for axis in (None, [0, 1, 0]):
+            for degrees in (20, 40, 50, 60, 70, 80):
+                pose = curled(skeleton, degrees, fingers, axis)
+                plain = longest_stretch(
+                    mesh.vertices, linear_blend_skinning(mesh.vertices, weights, pose), mesh.triangles
+                )
+                kept = longest_stretch(mesh.vertices, skin.solve(pose), mesh.triangles)
+                assert kept < plain, (fingers, axis, degrees)
+
+
+def test_fingers_do_not_pass_into_each_other(person):
+    """The thumb's triangles are as long as a finger tip is thick; bones stay out of each other in these poses."""
+    mesh, skeleton, weights, skin = person
+    at_rest = crossing_pairs(mesh.vertices, mesh.triangles)
+    plain = left = 0
+    for pose in (curled(skeleton, 60, ("index",)), curled(skeleton, 50, axis=[0, 1, 0]), curled(skeleton, 65)):
+        surfaces = linear_blend_skinning(mesh.vertices, weights, pose), skin.solve(pose)
+        found = [len(crossing_pairs(surface, mesh.triangles) - at_rest) for surface in surfaces]
+        plain, left = plain + found[0], left + found[1]
+    print(f"crossing pairs of fingers: {left} of {plain}")
+    assert plain > 400
+    assert left <= 0.03 * plain
 
 
 # Fast Projective Skinning (`bench/skin.py`): the share of a joint's volume that it keeps, and the crossing

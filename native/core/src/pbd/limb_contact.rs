@@ -343,4 +343,56 @@ mod tests {
             assert!(moved.distance(whole.transform_point3(*parted)) < 0.02);
         }
     }
+
+    /// A slab of quads of side 1 whose top is z = 0, and over it, between two rows of its vertices, a limb of
+    /// radius 0.8 of much smaller ones that just touches it.
+    #[test]
+    fn a_thin_limb_does_not_sink_between_the_vertices_of_a_coarse_one() {
+        const ROW: u32 = 9;
+        let grid = (0..2u32).flat_map(|k| (0..ROW * ROW).map(move |n| (n % ROW, n / ROW, k)));
+        let slab =
+            grid.map(|(i, j, k)| DVec3::new(f64::from(i) - 4.0, f64::from(j) - 4.0, -2.0 * f64::from(k)));
+        let limb = (0..RINGS * AROUND).map(|n| {
+            let angle = std::f64::consts::TAU * f64::from(n % AROUND) / f64::from(AROUND);
+            let x = 0.15 * f64::from(n / AROUND) - 1.8;
+            DVec3::new(x, 0.5 + 0.8 * angle.sin(), 0.8 - 0.8 * angle.cos())
+        });
+        let first = 2 * ROW * ROW;
+        let vertices: Vec<DVec3> = slab.chain(limb).collect();
+        let mut triangles: Vec<[u32; 3]> = Vec::new();
+        let mut quad = |[a, b, c, d]: [u32; 4]| triangles.extend([[a, b, c], [a, c, d]]);
+        for (i, j) in (0..ROW - 1).flat_map(|j| (0..ROW - 1).map(move |i| (i, j))) {
+            let (a, b) = (j * ROW + i, ROW * ROW + j * ROW + i);
+            quad([a, a + 1, a + ROW + 1, a + ROW]);
+            quad([b, b + ROW, b + ROW + 1, b + 1]);
+        }
+        for (ring, k) in (0..RINGS - 1).flat_map(|ring| (0..AROUND).map(move |k| (ring, k))) {
+            let at = |ring: u32, k: u32| first + ring * AROUND + k % AROUND;
+            quad([at(ring, k), at(ring, k + 1), at(ring + 1, k + 1), at(ring + 1, k)]);
+        }
+        let mesh = TriangleMesh::new(vertices, triangles).unwrap();
+        let heads = [DVec3::Z * -9.0, DVec3::new(-4.0, 0.0, -1.0), DVec3::new(-2.0, 0.5, 0.8)];
+        let tails = [DVec3::Z * -8.0, DVec3::new(4.0, 0.0, -1.0), DVec3::new(2.0, 0.5, 0.8)];
+        let skeleton = Skeleton::new(heads.to_vec(), tails.to_vec(), &[-1, 0, 0], None).unwrap();
+        let entries =
+            (0..mesh.vertex_count()).map(|v| (v as i64, if v < first as usize { 1 } else { 2 }, 1.0));
+        let weights = SkinWeights::from_triplets(entries, mesh.vertex_count(), 3).unwrap();
+        let topology = mesh.topology();
+        let adjacency = Adjacency::new(mesh.vertex_count(), &topology);
+        let normals: Vec<DVec3> = mesh.vertex_normals().to_vec();
+        let contacts = LimbContacts::new(&mesh, &normals, &adjacency, &skeleton, &weights);
+        for sunk in [0.1f32, 0.2, 0.3] {
+            let down = Affine3A::from_translation(-Vec3::Z * sunk);
+            let mut positions: Vec<Vec3> = mesh.vertices().iter().map(|v| v.as_vec3()).collect();
+            positions[first as usize..].iter_mut().for_each(|p| *p = down.transform_point3(*p));
+            let pose = [Affine3A::IDENTITY, Affine3A::IDENTITY, down];
+            contacts.separate(&pose, None, &adjacency, &mut positions, &mut LimbScratch::default());
+            let (slab, limb) = positions.split_at(first as usize);
+            let lowest = limb.iter().filter(|p| p.x.abs() < 1.0).map(|p| p.z).fold(f32::INFINITY, f32::min);
+            let highest =
+                slab.iter().filter(|p| p.x.abs() < 1.0).map(|p| p.z).fold(f32::NEG_INFINITY, f32::max);
+            let left = highest - lowest;
+            assert!(left < 0.3 * sunk, "{sunk}: {left}");
+        }
+    }
 }

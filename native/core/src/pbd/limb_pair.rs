@@ -44,7 +44,10 @@ pub(super) struct PairScratch {
     listed: [Vec<u32>; 2],
     samples: [Vec<Facet>; 2],
     near: [Vec<NearVertex>; 2],
+    /// Places over the plane, those of the near vertices first.
     places: Vec<Place>,
+    /// For each vertex of a limb, which of its near ones it is.
+    near_of: [Vec<u32>; 2],
     field: FoldField,
     /// The result.
     pub pushes: Vec<LimbPush>,
@@ -55,7 +58,7 @@ const REACH: [f32; 2] = [0.5, 1.5];
 /// How deep, in radii of the thinner one, limbs may be in each other: so deep they are parted in full, and so
 /// deep not at all, because skin alone cannot part limbs that pass right through each other. So far apart that the
 /// push fades no faster than twice as the limbs move, and done before the normals that tell their direction turn.
-const DEEP: [f32; 2] = [0.6, 1.3];
+const DEEP: [f32; 2] = [0.6, 1.45];
 /// Gap at which limbs feel each other's height fields, and slack of these, in radii of the thinner one.
 const MARGIN: f32 = 0.15;
 const SLACK: f32 = 0.1;
@@ -64,6 +67,12 @@ const SLACK: f32 = 0.1;
 pub(super) const SEAM: f32 = 0.75;
 /// Radii of the thinner limb, in distances between vertices, from which on limbs have a shape, and have all of it.
 const RESOLVED: [f32; 2] = [0.3, 0.6];
+/// Largest step of the height fields, in radii of the thinner limb, and most cuts of a triangle's sides for it.
+const STEP: f32 = 0.4;
+const MOST_CUTS: f32 = 4.0;
+/// Radii of the thinner limb, in distances between a limb's own vertices, from which on that limb can be dented,
+/// and can be in full.
+const DENTED: [f32; 2] = [0.6, 1.2];
 /// Smaller pushes than this, in distances between vertices, are left out.
 const LEAST_PUSH: f32 = 1e-4;
 
@@ -161,23 +170,39 @@ impl LimbPair<'_> {
         for side in 0..2 {
             let around = near[1 - side].grown(reach);
             let part = self.parts[side];
-            let near = (0..part.vertices.len())
-                .filter(|&place| around.holds(positions[part.vertices[place] as usize]))
-                .map(|place| {
-                    let (share, overlap) = self.rest_of(side, part.vertices[place]);
-                    (part.vertices[place], self.facet(side, place, share, &turns, positions), overlap)
-                });
-            scratch.near[side].clear();
-            scratch.near[side].extend(near);
+            let (near, near_of) = (&mut scratch.near[side], &mut scratch.near_of[side]);
+            near.clear();
+            near_of.clear();
+            for (place, &vertex) in part.vertices.iter().enumerate() {
+                let is_near = around.holds(positions[vertex as usize]);
+                near_of.push(if is_near { near.len() as u32 } else { u32::MAX });
+                if is_near {
+                    let (share, overlap) = self.rest_of(side, vertex);
+                    near.push((vertex, self.facet(side, place, share, &turns, positions), overlap));
+                }
+            }
         }
-        let PairScratch { near, places, field, pushes, .. } = scratch;
+        let PairScratch { near, near_of, places, field, pushes, .. } = scratch;
         let radius = scale * self.radius();
         self.place(plane, near, radius, places);
-        let radii = self.parts.map(|part| part.radius);
+        // Apart along the normal, they are not in each other.
+        let highest = [false, true].map(|below| {
+            let side = places.iter().filter(|place| place.below == below);
+            side.map(|place| place.height).fold(f32::NEG_INFINITY, f32::max)
+        });
+        if highest[0] + highest[1] <= 0.0 {
+            return;
+        }
         let spacing = scale * self.parts[0].spacing.max(self.parts[1].spacing);
-        let field_scale =
-            FieldScale { step: spacing, margin: MARGIN * radius, slack: SLACK * radius, radius };
-        let deepest = field.fill_open(places, &field_scale, radii[0] / (radii[0] + radii[1])) / radius;
+        let step = spacing.min(STEP * radius);
+        for side in 0..2 {
+            let coarse = scale * self.parts[side].spacing / step;
+            let least = -highest[1 - side] - (1.0 + MARGIN) * radius;
+            let first = if side == 0 { 0 } else { near[0].len() };
+            self.fill_triangles(side, coarse, least, first, &near_of[side], places);
+        }
+        let field_scale = FieldScale { step, margin: MARGIN * radius, slack: SLACK * radius, radius };
+        let deepest = field.fill_open(places, &field_scale, self.share()) / radius;
         if deepest <= 0.0 {
             return;
         }
@@ -197,6 +222,60 @@ impl LimbPair<'_> {
                 let back = if side == 0 { -amount } else { amount };
                 let overlap = overlap / scale;
                 pushes.push(LimbPush { vertex: *vertex, side, offset: plane.normal * back, overlap });
+            }
+        }
+    }
+
+    /// How much of an overlap the first limb goes back by: the thicker one more, as far as it has vertices enough
+    /// for a dent of the thinner one's size.
+    fn share(&self) -> f32 {
+        let give = self.parts.map(|part| {
+            let fine = self.radius() / part.spacing;
+            part.radius * smoothstep((fine - DENTED[0]) / (DENTED[1] - DENTED[0]))
+        });
+        if give[0] + give[1] > 0.0 { give[0] / (give[0] + give[1]) } else { 0.5 }
+    }
+
+    /// Adds places inside of a limb's triangles that are larger than a step of the field by so many times, where
+    /// they are higher than `least` and face the other limb; the limb's near vertices begin at `first`.
+    fn fill_triangles(
+        &self,
+        side: usize,
+        coarse: f32,
+        least: f32,
+        first: usize,
+        near_of: &[u32],
+        places: &mut Vec<Place>,
+    ) {
+        let cuts = coarse.ceil().min(MOST_CUTS) as usize;
+        if cuts < 2 {
+            return;
+        }
+        for triangle in &self.parts[side].triangles {
+            let corners = triangle.map(|place| near_of[place as usize]);
+            if corners.contains(&u32::MAX) {
+                continue;
+            }
+            let corners = corners.map(|near| places[first + near as usize]);
+            if corners.iter().all(|place| place.height <= least || place.facing <= 0.0) {
+                continue;
+            }
+            let [a, b, c] = corners;
+            for (i, j) in (0..=cuts).flat_map(|i| (0..=cuts - i).map(move |j| (i, j))) {
+                let k = cuts - i - j;
+                if i.max(j).max(k) == cuts {
+                    continue;
+                }
+                let [u, v, w] = [i, j, k].map(|n| n as f32 / cuts as f32);
+                let mix = |of: fn(&Place) -> f32| u * of(&a) + v * of(&b) + w * of(&c);
+                places.push(Place {
+                    inwards: mix(|p| p.inwards),
+                    across: mix(|p| p.across),
+                    beyond: mix(|p| p.beyond),
+                    height: mix(|p| p.height),
+                    facing: mix(|p| p.facing),
+                    below: side == 1,
+                });
             }
         }
     }

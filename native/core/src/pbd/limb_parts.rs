@@ -21,6 +21,8 @@ pub(super) struct LimbPart {
     /// Its vertices, ascending, and their outward normals in rest.
     pub vertices: Vec<u32>,
     pub normals: Vec<Vec3>,
+    /// Triangles between them, as places in `vertices`.
+    pub triangles: Vec<[u32; 3]>,
     /// Places in `vertices`, spread over all of them.
     pub sample: Vec<u32>,
     /// Distances between neighbouring vertices, and between those of the sample.
@@ -47,6 +49,17 @@ pub(super) fn limb_parts(
             members[bone as usize].push(vertex);
         }
     }
+    let mut place_of = vec![(u32::MAX, 0); mesh.vertex_count()];
+    for (bone, members) in (0..).zip(&members) {
+        (0..).zip(members).for_each(|(place, &vertex)| place_of[vertex as usize] = (bone, place));
+    }
+    let mut triangles = vec![Vec::new(); skeleton.bone_count()];
+    for triangle in mesh.triangles() {
+        let [a, b, c] = triangle.map(|vertex| place_of[vertex as usize]);
+        if a.0 == b.0 && b.0 == c.0 && a.0 != u32::MAX {
+            triangles[a.0 as usize].push([a.1, b.1, c.1]);
+        }
+    }
     let part = |(bone, vertices): (usize, Vec<u32>)| {
         let (head, tail) = (skeleton.heads()[bone], skeleton.tails()[bone]);
         let position = |v: u32| mesh.vertices()[v as usize];
@@ -66,6 +79,7 @@ pub(super) fn limb_parts(
             spacing,
             radius: *distances.get(distances.len() / 2)? as f32,
             axis: (tail - head).normalize_or_zero().as_vec3(),
+            triangles: std::mem::take(&mut triangles[bone]),
             sample,
             vertices,
         })

@@ -18,6 +18,7 @@ use super::stats::{ConstraintCounts, Milliseconds, Stats, Work};
 use super::stiffness::check_shares;
 use super::surface::{MovedVertices, PlainSkin};
 use super::surface_contact::{PosedIsland, SurfaceContacts, separate};
+use super::surface_stretch::{PosedSurface, SurfaceStretch};
 use super::{PbdError, PbdSettings, SkinningMethod};
 use crate::cage::TetMesh;
 use crate::mesh::{Adjacency, TriangleMesh};
@@ -37,6 +38,7 @@ pub struct PbdSkin {
     islands: Vec<Island>,
     contacts: Vec<SurfaceContacts>,
     limbs: LimbContacts,
+    stretch: SurfaceStretch,
     moved: MovedVertices,
     constraints: ConstraintCounts,
     build_milliseconds: f64,
@@ -128,6 +130,7 @@ impl PbdSkin {
             false => LimbContacts::default(),
         };
         let limbs = pool.as_ref().map_or_else(limbs, |pool| pool.install(limbs));
+        let stretch = SurfaceStretch::new(mesh, &adjacency, weights, &moved.vertices);
         let constraints = ConstraintCounts::of(&islands, settings);
         Ok(Self {
             settings: settings.clone(),
@@ -138,6 +141,7 @@ impl PbdSkin {
             islands,
             contacts,
             limbs,
+            stretch,
             moved,
             constraints,
             build_milliseconds: milliseconds(begin),
@@ -173,10 +177,13 @@ impl PbdSkin {
             let pose = Pose { skinning: &skinning, transforms, vertices };
             let mut positions = vec![Vec3::ZERO; self.rest.len()];
             let mut scratch = self.take_scratch();
-            let PoseScratch { islands, surface, .. } = &mut scratch;
+            let PoseScratch { islands, plain, surface, .. } = &mut scratch;
             let mut stats = self.skin_and_solve(&pose, islands, &mut positions);
             let surface_begin = Instant::now();
-            self.correct(&pose, islands, surface, &mut positions, &mut stats.work);
+            if stats.active_islands > 0 {
+                plain.clone_from(&positions);
+                self.correct(&pose, islands, plain, surface, &mut positions, &mut stats.work);
+            }
             stats.milliseconds.surface = milliseconds(surface_begin);
             stats.milliseconds.total = milliseconds(begin);
             self.give_scratch(scratch);
@@ -219,7 +226,7 @@ impl PbdSkin {
                 }
                 let surface_begin = Instant::now();
                 solved.clone_from(plain);
-                self.correct(&pose, islands, surface, solved, &mut stats.work);
+                self.correct(&pose, islands, plain, surface, solved, &mut stats.work);
                 let share = |vertex: usize| shares.map_or(1.0, |shares| shares[vertex]);
                 let offset = |vertex: usize| (solved[vertex] - plain[vertex]) * share(vertex);
                 let rest = to_rest_space(&skinning, &self.weights, offset, shares);
@@ -299,22 +306,20 @@ impl PbdSkin {
         &self,
         pose: &Pose<'_>,
         scratch: &[IslandScratch],
+        skinned: &[Vec3],
         surface: &mut SurfaceScratch,
         positions: &mut [Vec3],
         work: &mut Work,
     ) {
-        if scratch.iter().all(|s| s.frame.is_none()) {
-            return;
-        }
         let Pose { skinning, transforms, vertices } = *pose;
         let vertices = vertices.unwrap_or(&self.rest);
         let is_rest = vertices == self.rest;
-        let SurfaceScratch { moved, all, smoothed, contact, limbs } = surface;
+        let SurfaceScratch { moved, all, smoothed, contact, limbs, stretch } = surface;
         let plain = PlainSkin {
             skinning,
             weights: &self.weights,
             rest: &self.rest,
-            skinned: is_rest.then_some(&*positions),
+            skinned: is_rest.then_some(skinned),
         };
         work.corrected_vertices = self.moved.corrections(&self.islands, scratch, &plain, moved);
         let chosen = &self.moved.vertices;
@@ -341,6 +346,17 @@ impl PbdSkin {
             separate(&posed, positions, contact);
             let shape = (!is_rest).then_some(vertices);
             self.limbs.separate(transforms, shape, &self.adjacency, positions, limbs);
+        }
+        if self.settings.stretch > 0.0 && self.settings.anneal_stretch {
+            let posed = PosedSurface {
+                transforms,
+                rest: &self.rest,
+                plain: skinned,
+                adjacency: &self.adjacency,
+                moved: &self.moved.vertices,
+                corrections: moved,
+            };
+            self.stretch.limit(&posed, positions, stretch);
         }
     }
 
