@@ -10,8 +10,13 @@ use crate::skinning::SkinWeights;
 /// Length of an edge, in rest lengths, up to which it may be longer than plain skinning has it, as long as that
 /// has one as long somewhere.
 const MOST: f32 = 1.75;
+/// Share of the mean length of the edges around it that an edge counts for in rest, at least: the stretch of one that
+/// is next to nothing says nothing.
+const LEAST: f32 = 0.2;
 /// By how much the longest edge is to be shorter than that of plain skinning.
 const SHORTER: f32 = 0.98;
+/// Length of an edge, in rest lengths, from which on it is drawn out.
+const DRAWN_OUT: f32 = 1.1;
 /// Share of what it is too long that an edge asks of each of its ends: less than half, so that a row of edges comes
 /// to rest.
 const ASKED: f32 = 0.4;
@@ -25,12 +30,15 @@ const CHUNK: usize = 512;
 /// What the limit keeps of the rest pose.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SurfaceStretch {
-    /// Edges of the moved vertices (M), each at one of its ends: the other end and one over the rest length.
+    /// Edges of the moved vertices (M), each at one of its ends: the other end and one over the length that counts
+    /// for that in rest.
     edges: Vec<(u32, f32)>,
     /// First edge of each moved vertex, and the end.
     starts: Vec<u32>,
     /// The heaviest bone of each vertex (V), which says how large the pose has scaled it.
     bones: Vec<u32>,
+    /// Length that the edges of each vertex (V) count for in rest, at least.
+    least: Vec<f32>,
 }
 
 /// Buffers of a pose.
@@ -68,6 +76,15 @@ pub(super) struct PosedSurface<'a> {
 /// The longest edges by plain skinning and now, as squares of rest lengths.
 type Longest = [f32; 2];
 
+/// What a look at the edges is for, in rest lengths.
+#[derive(Debug, Clone, Copy)]
+struct Looks {
+    /// Longer edges are listed.
+    limit: f32,
+    /// Length from which on it counts how long plain skinning has an edge.
+    plain_from: f32,
+}
+
 impl SurfaceStretch {
     /// For a surface of which corrections move the vertices `moved` (M).
     pub(super) fn new(
@@ -79,11 +96,20 @@ impl SurfaceStretch {
         let mut is_moved = vec![false; mesh.vertex_count()];
         moved.iter().for_each(|&v| is_moved[v as usize] = true);
         let (mut edges, mut starts) = (Vec::new(), vec![0]);
+        let distance =
+            |a: u32, b: u32| mesh.vertices()[a as usize].distance(mesh.vertices()[b as usize]) as f32;
+        let least_of = |vertex: usize| {
+            let others = adjacency.neighbours(vertex);
+            let sum: f32 = others.iter().map(|&other| distance(vertex as u32, other)).sum();
+            LEAST * sum / others.len().max(1) as f32
+        };
+        let least: Vec<f32> = (0..mesh.vertex_count()).map(least_of).collect();
         for &vertex in moved {
-            let position = mesh.vertices()[vertex as usize];
             let others = adjacency.neighbours(vertex as usize).iter().copied();
             let own = others.filter(|&other| other > vertex || !is_moved[other as usize]);
-            let per_rest = |other: u32| position.distance(mesh.vertices()[other as usize]).recip() as f32;
+            let per_rest = |other: u32| {
+                distance(vertex, other).max(least[vertex as usize].min(least[other as usize])).recip()
+            };
             let edge = own.map(|other| (other, per_rest(other)));
             edges.extend(edge.filter(|(_, per_rest)| per_rest.is_finite()));
             starts.push(edges.len() as u32);
@@ -93,7 +119,7 @@ impl SurfaceStretch {
             let heaviest = entries.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
             heaviest.map_or(0, |(bone, _)| bone)
         };
-        Self { edges, starts, bones: (0..mesh.vertex_count()).map(heaviest).collect() }
+        Self { edges, starts, bones: (0..mesh.vertex_count()).map(heaviest).collect(), least }
     }
 
     /// Shortens what has become too long among the edges of vertices that have been corrected; `positions` are the
@@ -114,36 +140,49 @@ impl SurfaceStretch {
             false => per_scale[self.bones[vertex as usize] as usize],
         };
         let chunks = 0..surface.moved.len().div_ceil(CHUNK);
-        let look = |chunk: usize, limit: f32| self.look(surface, positions, chunk, limit, &per_scale);
-        let found: Vec<(Longest, Vec<[u32; 2]>)> =
-            chunks.clone().into_par_iter().map(|chunk| look(chunk, MOST)).collect();
-        let [plain, own] = [0, 1].map(|k| found.iter().map(|found| found.0[k]).fold(0.0, f32::max).sqrt());
-        let limit = MOST.min(SHORTER * plain);
+        let look = |chunk, looks: Looks| self.look(surface, positions, chunk, looks, &per_scale);
+        let look_everywhere = |looks: Looks| {
+            let found: Vec<(Longest, Vec<[u32; 2]>)> =
+                chunks.clone().into_par_iter().map(|chunk| look(chunk, looks)).collect();
+            let [plain, own] =
+                [0, 1].map(|k| found.iter().map(|found| found.0[k]).fold(0.0, f32::max).sqrt());
+            (MOST.min(SHORTER * plain), own, found)
+        };
+        // What plain skinning has where edges are long now is mostly enough to see that nothing is to be done.
+        let (mut limit, own, mut found) = look_everywhere(Looks { limit: MOST, plain_from: DRAWN_OUT });
         if own <= limit {
             return;
         }
+        if limit < MOST {
+            (limit, _, found) = look_everywhere(Looks { limit: MOST, plain_from: 0.0 });
+            if own <= limit {
+                return;
+            }
+        }
         let long: Vec<[u32; 2]> = match limit < MOST {
-            true => chunks.flat_map(|chunk| look(chunk, limit).1).collect(),
+            true => chunks.flat_map(|chunk| look(chunk, Looks { limit, plain_from: 0.0 }).1).collect(),
             false => found.into_iter().flat_map(|(_, long)| long).collect(),
         };
         let allowed = |a: u32, b: u32| {
             let [plain, rest] = [surface.plain, surface.rest].map(|p| p[a as usize].distance(p[b as usize]));
+            let rest = rest.max(self.least[a as usize].min(self.least[b as usize]));
             plain.max(limit * rest / per_scale(a).min(per_scale(b)))
         };
         shortening.shorten(&long, surface.adjacency, allowed, positions);
     }
 
-    /// The longest edges of some vertices, and those that are longer than `limit` and plain skinning allow.
+    /// The longest edges of some vertices, and those that are longer than `looks.limit` and plain skinning allow.
     fn look(
         &self,
         surface: &PosedSurface<'_>,
         positions: &[Vec3],
         chunk: usize,
-        limit: f32,
+        looks: Looks,
         per_scale: &impl Fn(u32) -> f32,
     ) -> (Longest, Vec<[u32; 2]>) {
         let PosedSurface { moved, corrections, .. } = *surface;
-        let (enough, limit) = ((MOST / SHORTER).powi(2), limit * limit);
+        let enough = (MOST / SHORTER).powi(2);
+        let [limit, plain_from] = [looks.limit, looks.plain_from].map(|length| length * length);
         let (mut longest, mut long) = ([0.0f32; 2], Vec::new());
         let places = chunk * CHUNK..moved.len().min((chunk + 1) * CHUNK);
         // The rim of what is corrected has next to no correction: an edge may count from its other end alone.
@@ -157,7 +196,7 @@ impl SurfaceStretch {
                 let own = per_rest * own.distance_squared(positions[other as usize]);
                 longest[1] = longest[1].max(own);
                 // Beyond enough it does not matter how long the longest is.
-                if longest[0] < enough || own > limit {
+                if own > limit || (own >= plain_from && longest[0] < enough) {
                     let plain = per_rest * plain.distance_squared(surface.plain[other as usize]);
                     longest[0] = longest[0].max(plain);
                     if own > limit && own > plain {
@@ -253,8 +292,14 @@ mod tests {
 
     impl Sheet {
         fn new(corner: f32) -> Self {
+            Self::with_gap(corner, 1.0)
+        }
+
+        /// One with such a gap between the middle and its neighbour.
+        fn with_gap(corner: f32, gap: f64) -> Self {
             let at = |i: u32| DVec3::new(f64::from(i % SIDE), f64::from(i / SIDE), 0.0);
-            let vertices: Vec<DVec3> = (0..SIDE * SIDE).map(at).collect();
+            let mut vertices: Vec<DVec3> = (0..SIDE * SIDE).map(at).collect();
+            vertices[MIDDLE as usize].x += 1.0 - gap;
             let quads = (0..SIDE - 1).flat_map(|j| (0..SIDE - 1).map(move |i| j * SIDE + i));
             let triangles = quads.flat_map(|a| [[a, a + 1, a + SIDE], [a + 1, a + SIDE + 1, a + SIDE]]);
             let mesh = TriangleMesh::new(vertices, triangles.collect()).unwrap();
@@ -317,6 +362,16 @@ mod tests {
         let even = Sheet::new(0.2);
         let [before, after] = even.limited(Vec3::Z * 1.2, 1.0);
         assert!(even.longest(&before) > 1.5 && even.longest(&after) < 1.25, "{}", even.longest(&after));
+    }
+
+    #[test]
+    fn an_edge_that_is_next_to_nothing_says_nothing() {
+        let sheet = Sheet::with_gap(1.5, 1e-3);
+        let [before, after] = sheet.limited(Vec3::Z * 0.2, 1.0);
+        assert!(sheet.longest(&before) > 100.0);
+        assert_eq!(before, after);
+        let [before, after] = sheet.limited(Vec3::Z, 1.0);
+        assert_ne!(before, after, "beyond those around it");
     }
 
     #[test]
