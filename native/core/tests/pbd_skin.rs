@@ -135,7 +135,8 @@ fn a_smaller_character_is_solved_alike() {
 #[test]
 fn vertices_given_with_the_pose_carry_the_same_correction() {
     let cylinder = cylinder();
-    let settings = PbdSettings { self_collision: false, ..PbdSettings::default() };
+    // Without what looks at the posed surface itself: contact, and the limit of its stretch.
+    let settings = PbdSettings { self_collision: false, anneal_stretch: false, ..PbdSettings::default() };
     let skin = skin(&cylinder, &settings);
     let pose = twist(100.0);
     let keyed: Vec<Vec3> = cylinder.rest().iter().map(|p| *p * Vec3::new(1.0, 1.1, 0.9)).collect();
