@@ -55,7 +55,8 @@ pub struct Sides<'a> {
 }
 
 /// One row for each vertex of a mesh whose seams are closed, of sum 1; empty for loose vertices, and
-/// where the solve fails. `takes_part` (B) marks the bones that count.
+/// where the solve fails. `takes_part` (B) marks the bones that count; `sight` is the mesh, to be searched,
+/// where lines of sight count.
 ///
 /// # Errors
 /// [`Cancelled`] when `progress` was cancelled.
