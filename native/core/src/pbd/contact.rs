@@ -308,6 +308,33 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn what_is_far_from_the_other_side_is_not_looked_at_again_and_nothing_is_missed() {
+        let (contact, rest) = contact();
+        let (pose, everything) = (bent(1.8), all(&contact));
+        let fold = contact.fold_plane(&pose).unwrap();
+        let positions = rigid(&contact, &rest, &pose);
+        let mut scratch = ContactScratch::default();
+        contact.pushes(&fold, &everything, &positions, true, Firmness::CAGE, &mut scratch);
+        let by_candidate = |list: &[u32], pushes: &[Push]| -> Vec<(u32, Vec3)> {
+            pushes.iter().map(|push| (list[push.listed as usize], push.offset)).collect()
+        };
+        let first = by_candidate(&everything, &scratch.pushes);
+        let list = scratch.pushable.clone();
+        assert!(first.len() > 2 && first.len() <= list.len() && list.len() < everything.len());
+        let places = beyond(&contact, &pose, &positions);
+        let left_out = everything.iter().filter(|candidate| !list.contains(candidate));
+        let is_far = |&&candidate: &&u32| {
+            let place = &places[candidate as usize];
+            place.inwards <= -contact.spacing || place.beyond < -FAR * contact.spacing
+        };
+        assert!(left_out.clone().any(|&candidate| places[candidate as usize].inwards > 0.0));
+        assert!(left_out.clone().all(|candidate| is_far(&candidate)));
+        let listed: Vec<Vec3> = list.iter().map(|&candidate| positions[candidate as usize]).collect();
+        contact.pushes(&fold, &list, &listed, false, Firmness::CAGE, &mut scratch);
+        assert_eq!(by_candidate(&list, &scratch.pushes), first);
+    }
+
+    #[test]
     fn a_hollow_that_contact_shuts_in_is_closed() {
         let (contact, _) = contact();
         let rows = (-20..20).flat_map(|i| (-4..=4).map(move |j| (i, j)));

@@ -108,9 +108,7 @@ fn at_rest(mut contact: JointContact, rest: &[Vec3]) -> JointContact {
 /// it: fingers curl beside each other, and their ends and the palm meet at other angles.
 fn is_neighbour(input: &PatchInput<'_>, area: &JointArea, vertex: u32, below: bool) -> bool {
     let parents = input.skeleton.parents();
-    let heaviest =
-        input.weights.entries(vertex as usize).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-    let Some((bone, _)) = heaviest else { return false };
+    let Some((bone, _)) = input.weights.heaviest(vertex as usize) else { return false };
     let parent = parents[bone as usize];
     let length = |bone: u32| {
         let bone = bone as usize;

@@ -44,8 +44,7 @@ pub(super) fn limb_parts(
 ) -> Vec<LimbPart> {
     let mut members = vec![Vec::new(); skeleton.bone_count()];
     for vertex in 0..mesh.vertex_count() as u32 {
-        let entries = weights.entries(vertex as usize).filter(|entry| entry.1 > 0.0);
-        if let Some((bone, _)) = entries.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0))) {
+        if let Some((bone, _)) = weights.heaviest(vertex as usize) {
             members[bone as usize].push(vertex);
         }
     }

@@ -67,7 +67,8 @@ pub struct PbdSettings {
     pub skinning: SkinningMethod,
     /// Stretch constraint (eq. 6): share of the violation that each iteration repairs.
     pub stretch: f32,
-    /// Lets `stretch` fall to zero over the iterations, so that volume has the last word.
+    /// Lets `stretch` fall to zero over the iterations, so that volume has the last word in the cage; edges of the
+    /// surface that are then drawn out farther than by plain skinning are shortened in the end.
     pub anneal_stretch: bool,
     /// Volume constraint (eq. 7): share of the violation that each iteration repairs.
     pub volume: f32,

@@ -75,7 +75,7 @@ pub struct ConstraintCounts {
 pub struct Milliseconds {
     /// Building the skin, once.
     pub build: f64,
-    /// Plain skinning of the surface.
+    /// Plain skinning of the surface, in part at the same time as the islands are solved.
     pub skinning: f64,
     /// Solving the islands.
     pub solve: f64,

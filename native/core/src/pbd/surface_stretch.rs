@@ -114,11 +114,7 @@ impl SurfaceStretch {
             edges.extend(edge.filter(|(_, per_rest)| per_rest.is_finite()));
             starts.push(edges.len() as u32);
         }
-        let heaviest = |vertex: usize| {
-            let entries = weights.entries(vertex);
-            let heaviest = entries.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-            heaviest.map_or(0, |(bone, _)| bone)
-        };
+        let heaviest = |vertex: usize| weights.heaviest(vertex).map_or(0, |(bone, _)| bone);
         Self { edges, starts, bones: (0..mesh.vertex_count()).map(heaviest).collect(), least }
     }
 

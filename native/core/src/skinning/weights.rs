@@ -132,6 +132,14 @@ impl SkinWeights {
         bones.iter().copied().zip(values.iter().copied())
     }
 
+    /// The bone that a vertex follows most, the first of several alike, and its weight; `None` without weights
+    /// above zero.
+    #[must_use]
+    pub fn heaviest(&self, vertex: usize) -> Option<(u32, f32)> {
+        let weighted = self.entries(vertex).filter(|entry| entry.1 > 0.0);
+        weighted.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))
+    }
+
     /// Sum of a vertex's weights.
     #[must_use]
     pub fn total(&self, vertex: usize) -> f64 {
@@ -240,6 +248,13 @@ mod tests {
         assert_eq!(weights.entry_count(), 3);
         assert!(weights.row(1).0.is_empty() && weights.row(3).0.is_empty());
         assert_eq!(weights.to_dense(), [0.0, 0.5, 0.0, 0.0, 1.0, 0.5, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn the_heaviest_bone_is_the_first_of_several_alike() {
+        let entries = [(0, 0, 0.2), (0, 1, 0.4), (0, 2, 0.4), (1, 2, 0.0)];
+        let weights = SkinWeights::from_triplets(entries, 3, 3).unwrap();
+        assert_eq!([0, 1, 2].map(|vertex| weights.heaviest(vertex)), [Some((1, 0.4)), None, None]);
     }
 
     #[test]
