@@ -87,3 +87,22 @@ def test_groups_come_back_exactly():
     assert c.state(target) != before
     module.restore_groups(target, snapshot)
     assert c.state(target) == before
+
+
+def test_every_entry_is_read_in_its_place():
+    target = rich_target("A")
+    read = sys.modules[f"{MODULE}.blender.vertex_groups"].read_groups(target)
+    entries = [[(entry.group, entry.weight) for entry in vertex.groups] for vertex in target.data.vertices]
+    assert read.counts.tolist() == [len(of_vertex) for of_vertex in entries]
+    assert {0, 1, 2, 3} <= set(read.counts.tolist())
+    pairs = zip(read.group.tolist(), read.value.tolist(), strict=True)
+    assert list(pairs) == [entry for of_vertex in entries for entry in of_vertex]
+
+
+def test_a_mesh_without_groups_has_no_entries():
+    target = c.target_tube("A")
+    target.vertex_groups.clear()
+    read = sys.modules[f"{MODULE}.blender.vertex_groups"].read_groups(target)
+    assert read.counts.tolist() == [0] * len(target.data.vertices)
+    assert read.names == ()
+    assert read.group.size == read.value.size == 0

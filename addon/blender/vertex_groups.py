@@ -2,12 +2,14 @@
 """Vertex groups in bulk: read, write, and put back exactly as they were.
 
 Blender shows no array of vertex weights to Python, so this file holds the only loops over
-vertices of the add-on.
+vertices of the add-on. A BMesh gives all entries of a vertex at once, in less than half the time that
+they take one by one.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import bmesh
 import bpy
 import numpy as np
 
@@ -59,15 +61,7 @@ class GroupWeights:
 
 def read_groups(ob: bpy.types.Object) -> GroupWeights:
     """Everything about the object's vertex groups."""
-    counts: list[int] = []
-    group: list[int] = []
-    value: list[float] = []
-    for vertex in ob.data.vertices:
-        entries = vertex.groups
-        counts.append(len(entries))
-        for entry in entries:
-            group.append(entry.group)
-            value.append(entry.weight)
+    counts, group, value = _entries(ob.data)
     return GroupWeights(
         names=tuple(g.name for g in ob.vertex_groups),
         locked=np.array([g.lock_weight for g in ob.vertex_groups], np.bool_),
@@ -76,6 +70,27 @@ def read_groups(ob: bpy.types.Object) -> GroupWeights:
         group=np.array(group, np.int32),
         value=np.array(value, np.float32),
     )
+
+
+def _entries(mesh: bpy.types.Mesh) -> tuple[list[int], list[int], list[float]]:
+    """How many entries each vertex (V) has, and the group and the value of all of them (n), vertex after vertex."""
+    copy = bmesh.new()
+    try:
+        copy.from_mesh(mesh, face_normals=False, vertex_normals=False)
+        layer = copy.verts.layers.deform.active
+        if layer is None:
+            return [0] * len(mesh.vertices), [], []
+        counts: list[int] = []
+        group: list[int] = []
+        value: list[float] = []
+        for vertex in copy.verts:
+            entries = vertex[layer]
+            counts.append(len(entries))
+            group += entries.keys()
+            value += entries.values()
+        return counts, group, value
+    finally:
+        copy.free()
 
 
 def write_groups(
