@@ -24,6 +24,8 @@ pub(super) struct Scratch {
     contacts: CageContacts,
     active: ActivePart,
     start: StartState,
+    /// True where the last look has found no tetrahedron nearly flat.
+    is_open: bool,
     /// What the pose took.
     pub work: Work,
 }
@@ -55,6 +57,9 @@ impl Scratch {
 
     /// Tetrahedra that are inside out. Those that the pose does not concern are as in rest.
     pub(super) fn inverted(&mut self, island: &Island) -> usize {
+        if self.is_open {
+            return 0;
+        }
         let counts = island.domains.iter().zip(&self.domains).map(|(domain, scratch)| {
             let particles = &mut self.particles[domain.particles.clone()];
             count_inverted(&domain.tetrahedra, &scratch.tetrahedra, particles)
@@ -105,14 +110,12 @@ pub(super) fn solve_island(
         });
         sweep_contacts(island, scratch);
     }
-    if settings.volume > 0.0 {
-        untangle_all(island, scratch);
-    }
+    scratch.is_open = settings.volume > 0.0 && untangle_all(island, scratch);
     scratch.work.projections = scratch.domains.iter().map(|domain| domain.projections).sum();
 }
 
-/// Opens what is nearly flat, domain by domain.
-fn untangle_all(island: &Island, scratch: &mut Scratch) {
+/// Opens what is nearly flat, domain by domain; true where nothing is at the end.
+fn untangle_all(island: &Island, scratch: &mut Scratch) -> bool {
     let Scratch { particles, domains, .. } = scratch;
     for _ in 0..MOST_UNTANGLING_SWEEPS {
         sweep(&island.domains, particles, domains, false, &|domain, particles, scratch| {
@@ -120,9 +123,10 @@ fn untangle_all(island: &Island, scratch: &mut Scratch) {
             untangle(&domain.tetrahedra, island.rest_volume, tetrahedra, particles, flat);
         });
         if domains.iter().all(|domain| domain.flat.is_empty()) {
-            break;
+            return true;
         }
     }
+    false
 }
 
 /// Finds the constraints that what is free takes part in.

@@ -2,7 +2,7 @@
 
 use super::batches::Batches;
 use super::corners::BatchCorners;
-use super::lanes::{Lanes, OnLanes, Particle, Portable, on_widest_lanes};
+use super::lanes::{BATCH, Lanes, OnLanes, Particle, on_widest_lanes};
 use super::sweeps::load_tetrahedra;
 use super::{Real, least_volume_divisor, project_volume, signed_volume};
 
@@ -20,10 +20,14 @@ pub(super) fn untangle(
 ) {
     let least_volume = LEAST_VOLUME * rest_volume;
     flat.clear();
-    let idle = particles.len() as u32 - 1;
-    let mut all = batches.corners.of(particles);
-    let mut too_flat = |batch: u32| volumes(&all.batch(batch as usize), idle).any(|v| v < least_volume);
-    flat.extend(active.iter().filter(|batch| too_flat(**batch)));
+    let too_flat = |volume: f32| volume < least_volume;
+    on_widest_lanes(Look {
+        batches,
+        active,
+        particles,
+        sought: too_flat,
+        found: |batch, _| flat.push(batch),
+    });
     if !flat.is_empty() {
         let least_divisor = least_volume_divisor(rest_volume);
         on_widest_lanes(Untangling { batches, flat, particles, least_volume, least_divisor });
@@ -32,18 +36,51 @@ pub(super) fn untangle(
 
 /// Tetrahedra of the `active` batches that are inside out.
 pub(super) fn count_inverted(batches: &Batches<4>, active: &[u32], particles: &mut [Particle]) -> usize {
-    let idle = particles.len() as u32 - 1;
-    let mut all = batches.corners.of(particles);
-    let inverted = |&batch: &u32| volumes(&all.batch(batch as usize), idle).filter(|v| *v <= 0.0).count();
-    active.iter().map(inverted).sum()
+    let mut count = 0;
+    let inverted = |volume: f32| volume <= 0.0;
+    on_widest_lanes(Look { batches, active, particles, sought: inverted, found: |_, among| count += among });
+    count
 }
 
-/// Signed volumes of the tetrahedra in a batch; lanes of the particle `idle` hold none.
-fn volumes(corners: &BatchCorners<'_, 4>, idle: u32) -> impl Iterator<Item = f32> + use<> {
-    let of_part = |part: usize| signed_volume(load_tetrahedra(Portable, corners, part).0);
-    let volumes: [_; Portable::PARTS] = std::array::from_fn(|part| of_part(part).to_array());
-    let named = volumes.into_iter().flatten().zip(corners.indices(0));
-    named.filter(move |&(_, corner)| corner != idle).map(|(volume, _)| volume)
+/// Looks for tetrahedra of a signed volume that is `sought`.
+struct Look<'a, S, F> {
+    batches: &'a Batches<4>,
+    active: &'a [u32],
+    particles: &'a mut [Particle],
+    sought: S,
+    /// Takes each batch that has some, with their number.
+    found: F,
+}
+
+impl<S: Fn(f32) -> bool, F: FnMut(u32, usize)> OnLanes for Look<'_, S, F> {
+    #[inline(always)]
+    fn run<L: Lanes>(mut self, lanes: L) {
+        // Lanes of the particle without mass hold no tetrahedron.
+        let idle = self.particles.len() as u32 - 1;
+        let mut all = self.batches.corners.of(self.particles);
+        for &batch in self.active {
+            let corners = all.batch(batch as usize);
+            let volumes = volumes(lanes, &corners);
+            // Nearly always none.
+            if volumes.iter().any(|&volume| (self.sought)(volume)) {
+                let named = volumes.into_iter().zip(corners.indices(0));
+                let count = named.filter(|&(v, corner)| corner != idle && (self.sought)(v)).count();
+                if count > 0 {
+                    (self.found)(batch, count);
+                }
+            }
+        }
+    }
+}
+
+/// Signed volumes of the tetrahedra in a batch.
+#[inline(always)]
+fn volumes<L: Lanes>(lanes: L, corners: &BatchCorners<'_, 4>) -> [f32; BATCH] {
+    let mut volumes = [0.0; BATCH];
+    for part in 0..L::PARTS {
+        lanes.write(&mut volumes, part, signed_volume(load_tetrahedra(lanes, corners, part).0));
+    }
+    volumes
 }
 
 struct Untangling<'a> {
@@ -78,6 +115,7 @@ impl OnLanes for Untangling<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pbd::lanes::Portable;
     use wide::f32x4;
 
     /// Two tetrahedra on a common triangle, of which one tip has passed through it by `depth`.
@@ -107,7 +145,7 @@ mod tests {
             assert_eq!(count_inverted(&batches, &active, &mut particles), 0);
             let least = 0.99 * LEAST_VOLUME / 6.0;
             let mut all = batches.corners.of(&mut particles);
-            assert!(active.iter().all(|&b| volumes(&all.batch(b as usize), 5).all(|v| v >= least)));
+            assert!(active.iter().all(|&b| volumes(Portable, &all.batch(b as usize))[0] >= least));
         }
     }
 
