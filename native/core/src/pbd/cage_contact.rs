@@ -53,13 +53,9 @@ impl CageContacts {
         self.sweeps = 0;
     }
 
-    /// Joints whose bones form a fold.
-    pub(super) fn folds<'a>(
-        &'a self,
-        island: &'a Island,
-    ) -> impl Iterator<Item = (&'a JointContact, &'a FoldPlane)> {
-        let joints = island.cage_contacts.iter().zip(&self.joints);
-        joints.filter_map(|(contact, joint)| Some((contact, joint.fold.as_ref()?)))
+    /// Joints whose bones form a fold, by their places in the island's list.
+    pub(super) fn folds(&self) -> impl Iterator<Item = (usize, &FoldPlane)> {
+        self.joints.iter().enumerate().filter_map(|(place, joint)| Some((place, joint.fold.as_ref()?)))
     }
 
     /// What was listed as able to come into contact.

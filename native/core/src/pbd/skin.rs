@@ -313,25 +313,31 @@ impl PbdSkin {
     ) {
         let Pose { skinning, transforms, vertices } = *pose;
         let vertices = vertices.unwrap_or(&self.rest);
-        let is_rest = vertices == self.rest;
-        let SurfaceScratch { moved, all, smoothed, contact, limbs, stretch } = surface;
+        let is_rest = pose.vertices.is_none_or(|given| given == self.rest);
+        let SurfaceScratch { corrections, all, smoothed, contact, limbs, stretch } = surface;
         let plain = PlainSkin {
             skinning,
             weights: &self.weights,
             rest: &self.rest,
             skinned: is_rest.then_some(skinned),
         };
-        work.corrected_vertices = self.moved.corrections(&self.islands, scratch, &plain, moved);
+        work.corrected_vertices = self.moved.correct(&self.islands, scratch, &plain, corrections);
         let chosen = &self.moved.vertices;
-        if self.settings.smoothing > 0.0 {
+        let moved = if self.settings.smoothing > 0.0 {
             all.resize(positions.len(), Vec3::ZERO);
-            chosen.iter().zip(&*moved).for_each(|(&vertex, &correction)| all[vertex as usize] = correction);
+            let given = chosen.iter().zip(&corrections.all);
+            given.for_each(|(&vertex, &correction)| all[vertex as usize] = correction);
             smooth_correction(all, chosen, &self.adjacency, self.settings.smoothing, smoothed);
-            moved.clone_from(smoothed);
-        }
-        for (&vertex, &correction) in chosen.iter().zip(&*moved) {
-            positions[vertex as usize] += correction;
-        }
+            for (&vertex, &correction) in chosen.iter().zip(&*smoothed) {
+                positions[vertex as usize] += correction;
+            }
+            &*smoothed
+        } else {
+            for &place in &corrections.computed {
+                positions[chosen[place as usize] as usize] += corrections.all[place as usize];
+            }
+            &corrections.all
+        };
         if self.settings.self_collision {
             let pairs = self.islands.par_iter().zip(&self.contacts).zip(scratch);
             let posed = pairs.filter_map(|((island, surface), scratch)| {
