@@ -181,9 +181,17 @@ impl JointSearch {
             if round == 1 {
                 near.clone_from(&found.pushable);
             }
-            candidates.clear();
-            let position = |&candidate: &u32| positions[joint.vertex(candidate)];
-            candidates.extend(near.iter().map(position).map(|p| joint.inverse.transform_point3(p)));
+            if refill {
+                // Those that are listed, in their order, of all.
+                (0..)
+                    .zip(&*near)
+                    .for_each(|(place, &candidate)| candidates[place] = candidates[candidate as usize]);
+                candidates.truncate(near.len());
+            } else {
+                candidates.clear();
+                let position = |&candidate: &u32| positions[joint.vertex(candidate)];
+                candidates.extend(near.iter().map(position).map(|p| joint.inverse.transform_point3(p)));
+            }
             joint.contact.pushes(fold, near, candidates, refill, Firmness::SURFACE, found);
         }
     }
