@@ -35,10 +35,8 @@ pub(super) struct PlainSkin<'a> {
 pub(super) struct Corrections {
     /// Of all moved vertices (M).
     pub all: Vec<Vec3>,
-    /// Places of those that were computed, ascending; all others are zero.
-    pub computed: Vec<u32>,
-    /// The same, task by task.
-    places: Vec<Vec<u32>>,
+    /// Places of those that were computed, ascending, task by task; all others are zero.
+    pub computed: Vec<Vec<u32>>,
     /// The islands' counts of changes that they are for, 0 where an island is idle.
     concerned: Vec<u64>,
 }
@@ -73,31 +71,32 @@ impl MovedVertices {
         plain: &PlainSkin<'_>,
         corrections: &mut Corrections,
     ) -> usize {
-        let Corrections { all, computed, places, concerned } = corrections;
+        let Corrections { all, computed, concerned } = corrections;
         let states = scratch.iter().map(|s| s.frame.map_or(0, |_| s.solver.changes()));
         let is_known = all.len() == self.vertices.len() && states.clone().eq(concerned.iter().copied());
         if !is_known {
             concerned.clear();
             concerned.extend(states);
-            all.clear();
             all.resize(self.vertices.len(), Vec3::ZERO);
-            places.resize_with(all.len().div_ceil(CHUNK), Vec::new);
+            computed.resize_with(all.len().div_ceil(CHUNK), Vec::new);
         }
         let is_idle = |island: u32| scratch[island as usize].frame.is_none();
-        all.par_chunks_mut(CHUNK).zip(&mut *places).enumerate().for_each(|(chunk, (all, places))| {
+        let chunks = all.par_chunks_mut(CHUNK).zip(&mut *computed).enumerate();
+        let counts = chunks.map(|(chunk, (all, places))| {
             let first = chunk * CHUNK;
             let correction = |place: usize| self.correction(place, islands, scratch, plain);
             if is_known {
                 for &place in &*places {
                     all[place as usize - first] = correction(place as usize).unwrap_or_default();
                 }
-                return;
+                return places.len();
             }
+            all.fill(Vec3::ZERO);
             places.clear();
             let starts = &self.starts[first..][..=all.len()];
             let points = &self.points[starts[0] as usize..starts[all.len()] as usize];
             if points.chunk_by(|a, b| a.0 == b.0).all(|run| is_idle(run[0].0)) {
-                return;
+                return 0;
             }
             for (place, own) in (first..).zip(all) {
                 if let Some(correction) = correction(place) {
@@ -105,12 +104,9 @@ impl MovedVertices {
                     places.push(place as u32);
                 }
             }
+            places.len()
         });
-        if !is_known {
-            computed.clear();
-            computed.extend(places.iter().flatten());
-        }
-        computed.len()
+        counts.sum()
     }
 
     /// The correction of a moved vertex; `None` where no island is active or it is carried rigidly.
