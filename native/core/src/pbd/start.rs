@@ -8,7 +8,6 @@ use wide::f32x4;
 use super::active::ActivePart;
 use super::fold_plane::FoldPlane;
 use super::island::Island;
-use super::joint_blend::blending;
 use super::lanes::Particle;
 use super::{PbdSettings, Start, signed_volume};
 use crate::skinning::Skinning;
@@ -21,22 +20,22 @@ const BEND_LINEAR: f32 = 0.25;
 /// Share of its rest volume from which on a tetrahedron takes its corners no farther towards linear
 /// blending: what starts inside out has many ways back, and takes another one in the next pose.
 const LEAST_START_VOLUME: f32 = 0.6;
-/// Particles that are skinned, and tetrahedra that are looked at, in one task.
+/// Particles that are skinned in one task.
 const CHUNK: usize = 2048;
 
 /// Buffers of the start state.
 #[derive(Debug, Clone, Default)]
 pub(super) struct StartState {
     /// Joints that bend, and how far the start is from linear blending between their bones.
-    bends: Vec<(u32, f32)>,
+    bends: Vec<(usize, f32)>,
     /// Joints that bend by their part in the blending of each particle, as a sum.
     sinks: Vec<f32>,
     /// Where dual quaternions put each particle, and its way from there towards linear blending.
     places: Vec<(Vec3, Vec3)>,
     /// Share of that way that it goes.
     shares: Vec<f32>,
-    /// Tetrahedra that let their corners go a share of the way only.
-    limits: Vec<(u32, f32)>,
+    /// Where it is at the end of it.
+    ends: Vec<Particle>,
 }
 
 impl StartState {
@@ -59,7 +58,7 @@ impl StartState {
         };
         self.bends.clear();
         if settings.start == Start::Auto && !linear {
-            let joints = folds.map(|(joint, fold)| (joint as u32, BEND_LINEAR * fold.bend_share));
+            let joints = folds.map(|(joint, fold)| (joint, BEND_LINEAR * fold.bend_share));
             self.bends.extend(joints.filter(|&(_, share)| share > 0.0));
         }
         self.sink(island);
@@ -76,7 +75,7 @@ impl StartState {
                 return (place, Vec3::ZERO);
             }
             // By their part in all the blending between two bones of its row.
-            let share = (sinks[i] / blending(row.1)).min(1.0);
+            let share = (sinks[i] / island.blends.all[i]).min(1.0);
             (place, (blended.vertex(island.rest[i], row) - place) * share)
         };
         self.places.resize(island.rest.len(), (Vec3::ZERO, Vec3::ZERO));
@@ -85,10 +84,12 @@ impl StartState {
         });
         self.limit(island);
         particles.clear();
-        particles.extend(self.places.iter().zip(&self.shares).map(|(&(place, sinking), &share)| {
-            let place = place + sinking * share;
-            f32x4::new([place.x, place.y, place.z, 0.0])
-        }));
+        particles.extend(
+            self.places
+                .iter()
+                .zip(&self.shares)
+                .map(|(&(place, sinking), &share)| particle(place + sinking * share)),
+        );
     }
 
     /// Sums the bends of the joints that each particle blends between.
@@ -97,7 +98,7 @@ impl StartState {
         sinks.clear();
         sinks.resize(island.rest.len(), 0.0);
         for &(joint, share) in bends.iter() {
-            for &(particle, product) in &island.blends[joint as usize].particles {
+            for &(particle, product) in island.blends.particles(joint) {
                 sinks[particle as usize] += product * share;
             }
         }
@@ -105,34 +106,37 @@ impl StartState {
 
     /// Lets no tetrahedron shrink far on the way towards linear blending.
     fn limit(&mut self, island: &Island) {
-        let Self { bends, places, shares, limits, .. } = self;
+        let Self { bends, places, ends, shares, .. } = self;
         shares.clear();
         shares.resize(places.len(), 1.0);
+        ends.clear();
+        ends.extend(places.iter().map(|&(place, sinking)| particle(place + sinking)));
         let least = LEAST_START_VOLUME * island.rest_volume;
         let limit_of = |corners: &[u32; 4]| {
-            let places = corners.map(|corner| &places[corner as usize]);
-            let volume = |points: [Vec3; 4]| signed_volume(points.map(|p| Vector3::from(p.to_array())));
-            let all = volume(places.map(|(place, sinking)| *place + *sinking));
+            let all = signed_volume(corners.map(|corner| {
+                let [x, y, z, _] = ends[corner as usize].to_array();
+                Vector3::new(x, y, z)
+            }));
             if all >= least {
                 return None;
             }
-            let none = volume(places.map(|(place, _)| *place));
+            let none =
+                signed_volume(corners.map(|corner| Vector3::from(places[corner as usize].0.to_array())));
             (all < none).then(|| ((none - least) / (none - all)).clamp(0.0, 1.0))
         };
-        for &(joint, _) in bends.iter() {
-            let tetrahedra = island.blends[joint as usize].tetrahedra.as_slice();
-            limits.clear();
-            let limit = |&index: &u32| Some((index, limit_of(&island.tetrahedra[index as usize])?));
-            match tetrahedra.len() > 2 * CHUNK {
-                true => limits.par_extend(tetrahedra.par_iter().with_min_len(CHUNK).filter_map(limit)),
-                false => limits.extend(tetrahedra.iter().filter_map(limit)),
-            }
-            for &(tetrahedron, limit) in limits.iter() {
-                for corner in island.tetrahedra[tetrahedron as usize] {
+        for tetrahedron in island.blends.tetrahedra(bends.iter().map(|&(joint, _)| joint)) {
+            let corners = &island.tetrahedra[tetrahedron as usize];
+            if let Some(limit) = limit_of(corners) {
+                for &corner in corners {
                     let share = &mut shares[corner as usize];
                     *share = share.min(limit);
                 }
             }
         }
     }
+}
+
+/// A particle that is not free yet.
+fn particle(place: Vec3) -> Particle {
+    f32x4::new([place.x, place.y, place.z, 0.0])
 }
