@@ -88,13 +88,13 @@ impl ActivePart {
             a != b && a != MIXED && b != MIXED
         };
         let cut = island.edges.iter().filter(is_cut).flatten().copied();
-        reach(mixed.chain(cut), island, &mut self.rings, &mut self.reached);
+        reach(mixed.chain(cut), &island.neighbours, &mut self.rings, &mut self.reached);
         self.rings_between.clone_from(&self.rings);
     }
 
     /// Adds particles and the rings around them, and frees what is concerned. False where that is what it was.
     pub(super) fn complete(&mut self, island: &Island, added: impl Iterator<Item = u32>) -> bool {
-        reach(added, island, &mut self.rings, &mut self.reached);
+        reach(added, &island.neighbours, &mut self.rings, &mut self.reached);
         let concerned = self.rings.iter().map(|&rings| rings < NOT_REACHED);
         if concerned.clone().eq(self.completed.iter().copied()) {
             return false;
@@ -128,7 +128,12 @@ impl ActivePart {
 }
 
 /// Lowers the `rings` (P) to those from some particles where these are nearer; `reached` is a buffer.
-fn reach(particles: impl Iterator<Item = u32>, island: &Island, rings: &mut [u8], reached: &mut Vec<u32>) {
+fn reach(
+    particles: impl Iterator<Item = u32>,
+    neighbours: &Neighbours,
+    rings: &mut [u8],
+    reached: &mut Vec<u32>,
+) {
     let mut is_nearer = |particle: &u32, ring: u8| {
         let known = &mut rings[*particle as usize];
         let is_nearer = ring < *known;
@@ -141,7 +146,7 @@ fn reach(particles: impl Iterator<Item = u32>, island: &Island, rings: &mut [u8]
     for ring in 1..NOT_REACHED {
         let end = reached.len();
         for place in done..end {
-            let around = island.neighbours.of(reached[place]).iter();
+            let around = neighbours.of(reached[place]).iter();
             reached.extend(around.filter(|particle| is_nearer(particle, ring)));
         }
         done = end;
@@ -158,5 +163,24 @@ mod tests {
         assert_eq!(neighbours.of(0), [1, 2, 3]);
         assert_eq!(neighbours.of(2), [0, 1, 3, 4]);
         assert!(neighbours.of(5).is_empty());
+    }
+
+    #[test]
+    fn rings_count_from_whatever_is_nearest() {
+        // A strip, in which a ring reaches three particles farther.
+        let strip: Vec<[u32; 4]> = (0..60).map(|i| [i, i + 1, i + 2, i + 3]).collect();
+        let neighbours = Neighbours::new(63, &strip);
+        let far = |particle: usize, from: &[usize]| {
+            let steps = from.iter().map(|&other| particle.abs_diff(other).div_ceil(3));
+            steps.min().unwrap().min(NOT_REACHED.into()) as u8
+        };
+        let expected = |from: &[usize]| (0..63).map(|particle| far(particle, from)).collect::<Vec<u8>>();
+        let (mut rings, mut buffer) = (vec![NOT_REACHED; 63], vec![7]);
+        reach([20, 21].into_iter(), &neighbours, &mut rings, &mut buffer);
+        assert_eq!(rings, expected(&[20, 21]));
+        reach([24, 50, 50].into_iter(), &neighbours, &mut rings, &mut buffer);
+        assert_eq!(rings, expected(&[20, 21, 24, 50]));
+        reach([].into_iter(), &neighbours, &mut rings, &mut buffer);
+        assert_eq!(rings, expected(&[20, 21, 24, 50]));
     }
 }

@@ -109,7 +109,6 @@ impl JointContact {
     }
 
     /// How far a candidate is turned towards the other side, from 0 to 1.
-    #[inline]
     fn facing(&self, fold: &FoldPlane, candidate: &ContactVertex) -> f32 {
         let towards = candidate.normal.dot(fold.towards[usize::from(candidate.below)]);
         smoothstep(1.0 + towards / TURNED_AWAY)
@@ -203,7 +202,6 @@ impl JointContact {
         let all = self.resolved() * fold.strength;
         for (listed, (&candidate, &position)) in list.iter().zip(positions).enumerate() {
             let vertex = &self.vertices[candidate as usize];
-            // What is not turned towards the other side is pushed by nothing in the end.
             let place = if refill { places[listed] } else { self.place_facing(fold, vertex, position) };
             if place.facing <= 0.0 || place.inwards <= if refill { -self.spacing } else { 0.0 } {
                 continue;

@@ -4,6 +4,7 @@
 
 use glam::{Mat3, Vec3};
 
+pub(super) use super::fold_grid::smoothstep;
 use super::fold_grid::{Grid, Located, blur, larger, smaller, spread};
 use super::fold_profile::FoldProfile;
 
@@ -180,10 +181,8 @@ impl FoldField {
     fn raise<'a>(&mut self, places: impl Iterator<Item = (&'a Place, f32)> + Clone) {
         let row = self.grid.size[0];
         self.located.clear();
-        for (place, _) in places.clone() {
-            let located = self.locate(place);
-            self.located.push(located);
-            let Located { node, s, t } = located;
+        self.located.extend(places.clone().map(|(place, _)| self.grid.locate([place.inwards, place.across])));
+        for ((place, _), &Located { node, s, t }) in places.clone().zip(&self.located) {
             let envelope = &mut self.envelopes[usize::from(place.below)];
             let (x, y) = ([s, 1.0 - s, s, 1.0 - s], [t, t, 1.0 - t, 1.0 - t]);
             let cones: [f32; 4] = std::array::from_fn(|corner| {
@@ -343,11 +342,6 @@ impl FoldField {
     pub(super) fn narrow(&self, located: Located) -> f32 {
         self.grid.at(&self.narrow, located)
     }
-}
-
-pub(super) fn smoothstep(t: f32) -> f32 {
-    let t = t.clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
 }
 
 #[cfg(test)]

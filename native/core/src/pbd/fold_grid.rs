@@ -20,6 +20,12 @@ pub(super) fn smaller(a: f32, b: f32) -> f32 {
     if b < a { b } else { a }
 }
 
+#[inline(always)]
+pub(super) fn smoothstep(t: f32) -> f32 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
 /// The nodes. In this order, because vector registers load what lies next to the origin as well, and
 /// integers read as floats are denormal and slow.
 #[derive(Debug, Clone, Copy, Default)]

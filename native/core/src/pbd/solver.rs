@@ -325,4 +325,25 @@ mod tests {
             assert!(rigid > 50, "{rigid}");
         }
     }
+
+    #[test]
+    fn what_is_kept_from_pose_to_pose_changes_no_bit() {
+        let settings = PbdSettings { cell_size: Some(0.35), ..PbdSettings::default() };
+        let (islands, [still, bend, twisted]) = islands_of(&settings);
+        let more = Affine3A::from_rotation_z(0.05) * bend;
+        let poses = [[still, bend, bend], [still, more, more], [still, bend, twisted], [still, bend, bend]];
+        for island in &islands {
+            let mut kept = Scratch::default();
+            let mut changes = Vec::new();
+            for pose in &poses {
+                let mut fresh = Scratch::default();
+                solve_island(island, &settings, pose, &mut kept);
+                solve_island(island, &settings, pose, &mut fresh);
+                assert!(kept.particles == fresh.particles && kept.work == fresh.work);
+                assert_eq!(kept.inverted(island), fresh.inverted(island));
+                changes.push(kept.changes());
+            }
+            assert!(changes[2] > changes[1] && changes[3] > changes[2], "other bones move: {changes:?}");
+        }
+    }
 }
