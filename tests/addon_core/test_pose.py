@@ -41,6 +41,11 @@ def test_points_go_the_same_way_in_both_spaces(to_solver, deltas):
     np.testing.assert_allclose(also, moved, atol=1e-7)
 
 
+@given(st.lists(matrices, min_size=1, max_size=3))
+def test_in_one_space_transforms_stay(deltas):
+    np.testing.assert_array_equal(conjugated(np.array(deltas), np.eye(4)), deltas)
+
+
 @given(placements)
 def test_bones_at_rest_give_the_exact_identity(to_solver):
     np.testing.assert_array_equal(conjugated(np.stack([np.eye(4)] * 3), to_solver), [np.eye(4)] * 3)

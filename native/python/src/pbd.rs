@@ -111,7 +111,7 @@ impl PyPbdSkin {
         let vertices = vertices.map(|v| positions(v, "vertices")).transpose()?;
         let solved = py.detach(|| self.skin.solve(&transforms.0, vertices.as_deref())).map_err(pbd_error)?;
         self.remember(solved.stats);
-        positions_array(py, &solved.vertices)
+        positions_array(py, solved.vertices)
     }
 
     /// A pose like `solve`, as offsets (V,3) float32 that plain skinning turns into the solved skin:
@@ -133,7 +133,7 @@ impl PyPbdSkin {
         let solve = || self.skin.solve_offsets(&transforms.0, vertices.as_deref(), shares.as_deref());
         let solved = py.detach(solve).map_err(pbd_error)?;
         self.remember(solved.stats);
-        Ok((positions_array(py, &solved.offsets)?, solved.limited))
+        Ok((positions_array(py, solved.offsets)?, solved.limited))
     }
 
     /// Tetrahedra of all islands, in rest.

@@ -63,8 +63,10 @@ fn single(x: f64) -> f32 {
 /// Positions as an array (n,3).
 pub(crate) fn positions_array<'py>(
     py: Python<'py>,
-    positions: &[Vec3],
+    positions: Vec<Vec3>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let rows: Vec<[f32; 3]> = positions.iter().map(Vec3::to_array).collect();
-    matrix(py, rows.into_flattened(), positions.len(), 3)
+    let count = positions.len();
+    // Owned, so that the same memory holds the rows.
+    let rows: Vec<[f32; 3]> = positions.into_iter().map(|position| position.to_array()).collect();
+    matrix(py, rows.into_flattened(), count, 3)
 }

@@ -21,7 +21,7 @@ pub(crate) fn linear_blend_skinning<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let vertices = positions(vertices, "vertices")?;
     let skin = || skinning::linear_blend_skinning(&vertices, &weights.0, &transforms.0);
-    positions_array(py, &py.detach(skin).map_err(value_error)?)
+    positions_array(py, py.detach(skin).map_err(value_error)?)
 }
 
 /// Dual quaternion skinning as Blender's Preserve Volume computes it.
@@ -40,7 +40,7 @@ pub(crate) fn dual_quaternion_skinning<'py>(
     let vertices = positions(vertices, "vertices")?;
     let rest = rest.map(|rest| crate::poses::transforms(rest, "rest")).transpose()?;
     let skin = || skinning::dual_quaternion_skinning(&vertices, &weights.0, &transforms.0, rest.as_deref());
-    positions_array(py, &py.detach(skin).map_err(value_error)?)
+    positions_array(py, py.detach(skin).map_err(value_error)?)
 }
 
 /// Offsets (V,3) of the skinned surface taken back to rest by the inverse of what skinning does at
@@ -79,7 +79,7 @@ pub(crate) fn rest_space_offsets<'py>(
         };
         skinning::to_rest_space(&skinning, &weights.0, |vertex| offsets[vertex], shares.as_deref())
     });
-    Ok((positions_array(py, &result.offsets)?, result.limited))
+    Ok((positions_array(py, result.offsets)?, result.limited))
 }
 
 /// The argument `transforms`.

@@ -53,28 +53,23 @@ impl CageContacts {
         self.sweeps = 0;
     }
 
-    /// Joints whose bones form a fold.
-    pub(super) fn folds<'a>(
-        &'a self,
-        island: &'a Island,
-    ) -> impl Iterator<Item = (&'a JointContact, &'a FoldPlane)> {
-        let joints = island.cage_contacts.iter().zip(&self.joints);
-        joints.filter_map(|(contact, joint)| Some((contact, joint.fold.as_ref()?)))
+    /// Joints whose bones form a fold, by their places in the island's list.
+    pub(super) fn folds(&self) -> impl Iterator<Item = (usize, &FoldPlane)> {
+        self.joints.iter().enumerate().filter_map(|(place, joint)| Some((place, joint.fold.as_ref()?)))
     }
 
     /// What was listed as able to come into contact.
     pub(super) fn near<'a>(&'a self, island: &'a Island) -> impl Iterator<Item = &'a SurfacePoint> {
-        let joints = island.cage_contacts.iter().zip(&self.joints);
-        joints.flat_map(|(contact, joint)| joint.near.iter().map(|&near| point_of(island, contact, near)))
+        let joints = island.cage_points.iter().zip(&self.joints);
+        joints.flat_map(|(points, joint)| joint.near.iter().map(|&near| &points[near as usize]))
     }
 
     /// Lists the candidates of each fold that can come into contact in the sweeps to come.
     pub(super) fn list_near(&mut self, island: &Island, particles: &[Particle]) {
-        each_fold(island, &mut self.joints, |contact, fold, joint| {
+        each_fold(island, &mut self.joints, |contact, points, fold, joint| {
             let JointScratch { candidates, near, .. } = joint;
             candidates.clear();
-            let all = 0..contact.vertices.len() as u32;
-            candidates.extend(all.map(|c| point_of(island, contact, c).position(particles)));
+            candidates.extend(points.iter().map(|point| point.position(particles)));
             contact.list_near(fold, candidates, near);
         });
     }
@@ -94,7 +89,7 @@ impl CageContacts {
         let refill = self.sweeps.is_multiple_of(FIELD_SWEEPS);
         self.sweeps += 1;
         let now = &*particles;
-        each_fold(island, &mut self.joints, |contact, fold, joint| {
+        each_fold(island, &mut self.joints, |contact, points, fold, joint| {
             let JointScratch { candidates, near, list, contact: found, .. } = joint;
             if near.is_empty() || (!refill && found.level.is_none()) {
                 list.clear();
@@ -103,18 +98,17 @@ impl CageContacts {
             }
             list.clone_from(if refill { near } else { &found.pushable });
             candidates.clear();
-            candidates
-                .extend(list.iter().map(|&candidate| point_of(island, contact, candidate).position(now)));
+            candidates.extend(list.iter().map(|&candidate| points[candidate as usize].position(now)));
             contact.pushes(fold, list, candidates, refill, Firmness::CAGE, found);
         });
-        for (contact, joint) in island.cage_contacts.iter().zip(&self.joints) {
+        for (points, joint) in island.cage_points.iter().zip(&self.joints) {
             let JointScratch { fold, candidates, list, contact: found, .. } = joint;
             if fold.is_none() {
                 continue;
             }
             work.contact_candidates += list.len();
             for push in &found.pushes {
-                let point = point_of(island, contact, list[push.listed as usize]);
+                let point = &points[list[push.listed as usize] as usize];
                 // Pushes before this one may have moved the same corners.
                 let moved = point.position(particles) - candidates[push.listed as usize];
                 let length = push.offset.length();
@@ -136,21 +130,16 @@ impl CageContacts {
     }
 }
 
-/// The surface point of a candidate.
-fn point_of<'a>(island: &'a Island, contact: &JointContact, candidate: u32) -> &'a SurfacePoint {
-    &island.surface[contact.vertices[candidate as usize].element as usize]
-}
-
 /// Runs a task on all joints whose bones form a fold, on several cores where there are several.
 fn each_fold(
     island: &Island,
     joints: &mut [JointScratch],
-    task: impl Fn(&JointContact, &FoldPlane, &mut JointScratch) + Sync,
+    task: impl Fn(&JointContact, &[SurfacePoint], &FoldPlane, &mut JointScratch) + Sync,
 ) {
-    let folds = island.cage_contacts.par_iter().zip(joints).with_max_len(1);
-    folds.for_each(|(contact, joint)| {
+    let folds = island.cage_contacts.par_iter().zip(&island.cage_points).zip(joints).with_max_len(1);
+    folds.for_each(|((contact, points), joint)| {
         if let Some(fold) = joint.fold {
-            task(contact, &fold, joint);
+            task(contact, points, &fold, joint);
         }
     });
 }

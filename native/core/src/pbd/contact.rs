@@ -105,19 +105,29 @@ impl JointContact {
     /// Where a candidate is relative to the plane and its own side.
     #[inline]
     pub(super) fn place(&self, fold: &FoldPlane, candidate: &ContactVertex, position: Vec3) -> Place {
+        Place { facing: self.facing(fold, candidate), ..self.place_facing(fold, candidate, position) }
+    }
+
+    /// How far a candidate is turned towards the other side, from 0 to 1.
+    fn facing(&self, fold: &FoldPlane, candidate: &ContactVertex) -> f32 {
+        let towards = candidate.normal.dot(fold.towards[usize::from(candidate.below)]);
+        smoothstep(1.0 + towards / TURNED_AWAY)
+    }
+
+    /// Where a candidate is if it is turned towards the other side.
+    #[inline]
+    fn place_facing(&self, fold: &FoldPlane, candidate: &ContactVertex, position: Vec3) -> Place {
         let offset = position - fold.plane.point;
         let height = offset.dot(fold.plane.normal);
         let across = fold.inwards.cross(fold.plane.normal);
         let beyond = if candidate.below { -height } else { height };
-        let towards = candidate.normal.dot(fold.towards[usize::from(candidate.below)]);
-        let facing = smoothstep(1.0 + towards / TURNED_AWAY);
         Place {
             inwards: offset.dot(fold.inwards),
             across: offset.dot(across),
             beyond,
             // All of a limb counts for its side: what turns away comes and goes as it turns.
             height: beyond,
-            facing,
+            facing: 1.0,
             below: candidate.below,
         }
     }
@@ -192,13 +202,13 @@ impl JointContact {
         let all = self.resolved() * fold.strength;
         for (listed, (&candidate, &position)) in list.iter().zip(positions).enumerate() {
             let vertex = &self.vertices[candidate as usize];
-            let place = if refill { places[listed] } else { self.place(fold, vertex, position) };
-            if place.facing <= 0.0 || place.inwards <= -self.spacing {
+            let place = if refill { places[listed] } else { self.place_facing(fold, vertex, position) };
+            if place.facing <= 0.0 || place.inwards <= if refill { -self.spacing } else { 0.0 } {
                 continue;
             }
             let beyond = place.beyond - field.middle(&place) + thickness;
             let located = field.locate(&place);
-            let closes = field.closing(located);
+            let closes = if refill || beyond <= 0.0 { field.closing(located) } else { 0.0 };
             if refill && (closes > 0.0 || beyond > -FAR * self.spacing) {
                 pushable.push(candidate);
             }
@@ -206,7 +216,7 @@ impl JointContact {
                 continue;
             }
             let amount = if beyond > 0.0 {
-                let over = field.sunk(&place, beyond) - vertex.rest_overlap;
+                let over = field.sunk_at(located, &place, beyond) - vertex.rest_overlap;
                 if over <= 0.0 {
                     continue;
                 }
@@ -219,7 +229,8 @@ impl JointContact {
                 let seen = (1.0 - hidden).clamp(0.0, 1.0);
                 closes * beyond * seen * fold.set_in * (1.0 - vertex.rest_shut_in)
             };
-            let amount = amount * all * place.facing * (place.inwards / self.spacing).min(1.0);
+            let facing = if refill { place.facing } else { self.facing(fold, vertex) };
+            let amount = amount * all * facing * (place.inwards / self.spacing).min(1.0);
             if amount.abs() > LEAST_PUSH * self.spacing {
                 let direction = if vertex.below { amount } else { -amount };
                 pushes.push(Push { listed: listed as u32, offset: fold.plane.normal * direction });

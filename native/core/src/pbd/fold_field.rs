@@ -4,7 +4,8 @@
 
 use glam::{Mat3, Vec3};
 
-use super::fold_grid::{Grid, Located, blur, spread};
+pub(super) use super::fold_grid::smoothstep;
+use super::fold_grid::{Grid, Located, blur, larger, smaller, spread};
 use super::fold_profile::FoldProfile;
 
 /// Where a candidate is over the projection plane.
@@ -71,6 +72,7 @@ pub(super) struct FoldField {
     narrow: Vec<f32>,
     closing: Vec<f32>,
     buffer: Vec<f32>,
+    located: Vec<Located>,
 }
 
 impl FoldField {
@@ -140,8 +142,8 @@ impl FoldField {
         let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
         for place in places {
             for (axis, x) in [place.inwards, place.across].into_iter().enumerate() {
-                low[axis] = low[axis].min(x);
-                high[axis] = high[axis].max(x);
+                low[axis] = smaller(low[axis], x);
+                high[axis] = larger(high[axis], x);
             }
         }
         let extent = (high[0] - low[0]).max(high[1] - low[1]).max(0.0);
@@ -178,8 +180,9 @@ impl FoldField {
     /// Heights of both sides at the nodes, from places and how far each is within reach.
     fn raise<'a>(&mut self, places: impl Iterator<Item = (&'a Place, f32)> + Clone) {
         let row = self.grid.size[0];
-        for (place, _) in places.clone() {
-            let Located { node, s, t } = self.locate(place);
+        self.located.clear();
+        self.located.extend(places.clone().map(|(place, _)| self.grid.locate([place.inwards, place.across])));
+        for ((place, _), &Located { node, s, t }) in places.clone().zip(&self.located) {
             let envelope = &mut self.envelopes[usize::from(place.below)];
             let (x, y) = ([s, 1.0 - s, s, 1.0 - s], [t, t, 1.0 - t, 1.0 - t]);
             let cones: [f32; 4] = std::array::from_fn(|corner| {
@@ -188,16 +191,15 @@ impl FoldField {
             });
             for (first, cones) in [(node, &cones[..2]), (node + row, &cones[2..])] {
                 for (height, cone) in envelope[first..first + 2].iter_mut().zip(cones) {
-                    *height = height.max(*cone);
+                    *height = larger(*height, *cone);
                 }
             }
         }
         for side in 0..2 {
             spread(&mut self.envelopes[side], self.grid.size, self.grid.step);
         }
-        for (place, reach) in places {
+        for ((place, reach), &located) in places.zip(&self.located) {
             let side = usize::from(place.below);
-            let located = self.locate(place);
             let hidden = (self.grid.at(&self.envelopes[side], located) - place.height) * self.grid.per_step;
             let say = (1.0 - hidden).clamp(0.0, 1.0) * place.facing * reach;
             if say <= 0.0 {
@@ -210,7 +212,7 @@ impl FoldField {
             let (sums, totals) = (&mut self.sums[side], &mut self.totals[side]);
             for (b, y) in across.into_iter().enumerate() {
                 let weights = along.map(|x| {
-                    let near = (x - y).max(0.0);
+                    let near = larger(0.0, x - y);
                     say * near * near
                 });
                 let line = first + b * row..first + b * row + 4;
@@ -238,7 +240,7 @@ impl FoldField {
         self.overlap.extend(above.iter().zip(below).map(|(a, b)| a + b));
         let says = self.totals[0].iter().zip(&self.totals[1]);
         self.known.clear();
-        self.known.extend(says.map(|(a, b)| a.min(1.0) * b.min(1.0)));
+        self.known.extend(says.map(|(&a, &b)| smaller(1.0, a) * smaller(1.0, b)));
         self.overlap.iter().any(|&overlap| overlap > -felt)
     }
 
@@ -250,18 +252,20 @@ impl FoldField {
         let lever = scale.radius.powi(2);
         let mut normal = Mat3::from_diagonal(Vec3::new(1.0, lever, lever) * PRIOR);
         let mut right = Vec3::ZERO;
-        for (node, &known) in self.known.iter().enumerate() {
-            let (i, j) = (node % self.grid.size[0], node / self.grid.size[0]);
-            let x = self.grid.origin[0] + i as f32 * self.grid.step;
+        for (j, line) in self.known.chunks(self.grid.size[0]).enumerate() {
             let y = self.grid.origin[1] + j as f32 * self.grid.step;
-            if known <= 0.0 || x <= root {
-                continue;
+            for (i, &known) in line.iter().enumerate() {
+                let x = self.grid.origin[0] + i as f32 * self.grid.step;
+                if known <= 0.0 || x <= root {
+                    continue;
+                }
+                let node = j * self.grid.size[0] + i;
+                let gap = larger(0.0, -self.overlap[node] / scale.margin);
+                let row = Vec3::new(1.0, x, y);
+                let weighted = row * (known / (1.0 + gap * gap));
+                normal += Mat3::from_cols(weighted, weighted * x, weighted * y);
+                right += weighted * (above[node] - share * self.overlap[node]);
             }
-            let gap = (-self.overlap[node] / scale.margin).max(0.0);
-            let row = Vec3::new(1.0, x, y);
-            let weighted = row * (known / (1.0 + gap * gap));
-            normal += Mat3::from_cols(weighted, weighted * x, weighted * y);
-            right += weighted * (above[node] - share * self.overlap[node]);
         }
         self.middle = normal.inverse() * right;
     }
@@ -277,7 +281,7 @@ impl FoldField {
             for shut in line.iter_mut().rev() {
                 let own = *shut;
                 *shut = farther;
-                farther = farther.max(own);
+                farther = larger(farther, own);
             }
         }
         blur(&mut self.shut_in, &mut self.buffer, self.grid.size);
@@ -294,7 +298,13 @@ impl FoldField {
     /// side reaches there, so that a plane that fits badly parts the sides no farther than touching.
     #[inline]
     pub(super) fn sunk(&self, place: &Place, beyond: f32) -> f32 {
-        let other = self.envelope(!place.below, self.locate(place));
+        self.sunk_at(self.locate(place), place, beyond)
+    }
+
+    /// The same, where the place has been located already.
+    #[inline]
+    pub(super) fn sunk_at(&self, located: Located, place: &Place, beyond: f32) -> f32 {
+        let other = self.envelope(!place.below, located);
         beyond.min(place.beyond + other + self.slack)
     }
 
@@ -332,11 +342,6 @@ impl FoldField {
     pub(super) fn narrow(&self, located: Located) -> f32 {
         self.grid.at(&self.narrow, located)
     }
-}
-
-pub(super) fn smoothstep(t: f32) -> f32 {
-    let t = t.clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
 }
 
 #[cfg(test)]

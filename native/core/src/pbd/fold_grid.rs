@@ -8,6 +8,24 @@ pub(super) struct Located {
     pub t: f32,
 }
 
+/// The larger of two numbers, the first where the other is none. One instruction, where `f32::max` takes four.
+#[inline(always)]
+pub(super) fn larger(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}
+
+/// The smaller of two numbers, the first where the other is none.
+#[inline(always)]
+pub(super) fn smaller(a: f32, b: f32) -> f32 {
+    if b < a { b } else { a }
+}
+
+#[inline(always)]
+pub(super) fn smoothstep(t: f32) -> f32 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
 /// The nodes. In this order, because vector registers load what lies next to the origin as well, and
 /// integers read as floats are denormal and slow.
 #[derive(Debug, Clone, Copy, Default)]
@@ -27,8 +45,10 @@ impl Grid {
     #[inline(always)]
     pub(super) fn locate(&self, coordinates: [f32; 2]) -> Located {
         let along = |axis: usize| {
-            let t = ((coordinates[axis] - self.origin[axis]) * self.per_step).max(1.0).min(self.last[axis]);
-            let node = (t as usize).min(self.size[axis] - 3);
+            let t = (coordinates[axis] - self.origin[axis]) * self.per_step;
+            let t = smaller(larger(1.0, t), self.last[axis]);
+            // Through 32 bits, which takes a third of the instructions.
+            let node = (t as i32 as usize).min(self.size[axis] - 3);
             (node, t - node as f32)
         };
         let ((i, s), (j, t)) = (along(0), along(1));
@@ -46,45 +66,40 @@ impl Grid {
 
 /// Continues heights over all nodes with a slope of 1, in two passes over the grid.
 pub(super) fn spread(heights: &mut [f32], [row, lines]: [usize; 2], step: f32) {
-    let diagonal = step * std::f32::consts::SQRT_2;
     for j in 0..lines {
-        for i in 0..row {
-            let n = j * row + i;
-            let mut height = heights[n];
-            if i > 0 {
-                height = height.max(heights[n - 1] - step);
-            }
-            if j > 0 {
-                height = height.max(heights[n - row] - step);
-                if i > 0 {
-                    height = height.max(heights[n - row - 1] - diagonal);
-                }
-                if i + 1 < row {
-                    height = height.max(heights[n - row + 1] - diagonal);
-                }
-            }
-            heights[n] = height;
+        let (before, line) = heights.split_at_mut(j * row);
+        let line = &mut line[..row];
+        if j > 0 {
+            spread_across(line, &before[(j - 1) * row..], step);
+        }
+        let mut last = f32::NEG_INFINITY;
+        for height in line {
+            *height = larger(*height, last - step);
+            last = *height;
         }
     }
     for j in (0..lines).rev() {
-        for i in (0..row).rev() {
-            let n = j * row + i;
-            let mut height = heights[n];
-            if i + 1 < row {
-                height = height.max(heights[n + 1] - step);
-            }
-            if j + 1 < lines {
-                height = height.max(heights[n + row] - step);
-                if i + 1 < row {
-                    height = height.max(heights[n + row + 1] - diagonal);
-                }
-                if i > 0 {
-                    height = height.max(heights[n + row - 1] - diagonal);
-                }
-            }
-            heights[n] = height;
+        let (line, after) = heights[j * row..].split_at_mut(row);
+        if j + 1 < lines {
+            spread_across(line, &after[..row], step);
+        }
+        let mut last = f32::NEG_INFINITY;
+        for height in line.iter_mut().rev() {
+            *height = larger(*height, last - step);
+            last = *height;
         }
     }
+}
+
+/// Continues the heights of one line to the next.
+fn spread_across(line: &mut [f32], other: &[f32], step: f32) {
+    let diagonal = step * std::f32::consts::SQRT_2;
+    let continued = |line: &mut [f32], other: &[f32], step: f32| {
+        line.iter_mut().zip(other).for_each(|(height, other)| *height = larger(*height, other - step));
+    };
+    continued(line, other, step);
+    continued(&mut line[1..], other, diagonal);
+    continued(line, &other[1..], diagonal);
 }
 
 /// One round of binomial smoothing along both axes.

@@ -1,6 +1,7 @@
 //! The two sides of a bent joint seen along the bend alone, and how far they are in contact.
 
 use super::fold_field::{FieldScale, MOST_NODES, Place, smoothstep};
+use super::fold_grid::{larger, smaller};
 
 /// From here on, in radii along the bend, sides that come near are past the fold's root.
 const PAST_ROOT: f32 = 0.75;
@@ -18,7 +19,7 @@ impl FoldProfile {
     /// How far the sides are in contact, from 0 to 1. Both always meet at the fold's root, so what counts is
     /// overlap, or that they come near each other again farther out.
     pub(super) fn contact_level(&mut self, places: &[Place], scale: &FieldScale) -> f32 {
-        let farthest = places.iter().map(|place| place.inwards).fold(0.0, f32::max);
+        let farthest = places.iter().map(|place| place.inwards).fold(0.0, larger);
         self.highest = [f32::NEG_INFINITY; 2];
         if !farthest.is_finite() {
             return 0.0;
@@ -32,21 +33,21 @@ impl FoldProfile {
         for place in places {
             let side = usize::from(place.below);
             // Behind the joint it counts by the cone that reaches past it, so that none sets in as it passes.
-            let height = place.height + place.inwards.min(0.0);
-            self.highest[side] = self.highest[side].max(height);
-            let t = place.inwards.max(0.0) / step;
-            let node = (t as usize).min(count - 2);
+            let height = place.height + smaller(0.0, place.inwards);
+            self.highest[side] = larger(self.highest[side], height);
+            let t = larger(0.0, place.inwards) / step;
+            let node = (t as i32 as usize).min(count - 2);
             let t = t - node as f32;
             let line = &mut self.heights[side];
-            line[node] = line[node].max(height - t * step);
-            line[node + 1] = line[node + 1].max(height - (1.0 - t) * step);
+            line[node] = larger(line[node], height - t * step);
+            line[node + 1] = larger(line[node + 1], height - (1.0 - t) * step);
         }
         for line in &mut self.heights {
             for i in 1..count {
-                line[i] = line[i].max(line[i - 1] - step);
+                line[i] = larger(line[i], line[i - 1] - step);
             }
             for i in (1..count).rev() {
-                line[i - 1] = line[i - 1].max(line[i] - step);
+                line[i - 1] = larger(line[i - 1], line[i] - step);
             }
         }
         let [above, below] = &self.heights;

@@ -7,6 +7,7 @@ use wide::f32x4;
 use super::active::Neighbours;
 use super::contact::JointContact;
 use super::domains::Domain;
+use super::joint_blend::JointBlends;
 use super::lanes::Particle;
 use super::parts::is_still;
 use crate::cage::TetMesh;
@@ -43,6 +44,10 @@ pub(super) struct Island {
     pub domains: Vec<Domain>,
     /// Contact candidates that push the cage, joint by joint.
     pub cage_contacts: Vec<JointContact>,
+    /// The surface points of these candidates, in their order.
+    pub cage_points: Vec<Vec<SurfacePoint>>,
+    /// What blends between the bones of those joints.
+    pub blends: JointBlends,
     /// Contact candidates of the surface, joint by joint.
     pub contacts: Vec<JointContact>,
     /// Surface vertices that follow the island, `local` in the order of this list.

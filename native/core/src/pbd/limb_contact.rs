@@ -145,7 +145,9 @@ impl LimbContacts {
     /// Pairs of limbs whose bounds come near each other, ascending; not those of neighbouring bones, which fold.
     fn near_pairs(&self, scratch: &LimbScratch, scale: impl Fn(&LimbPart) -> f32) -> Vec<[u32; 2]> {
         let LimbScratch { bounds, order, .. } = scratch;
-        let most = self.parts.iter().map(|part| scale(part) * (part.radius + 2.0 * part.sample_spacing));
+        let scales: Vec<f32> = self.parts.iter().map(scale).collect();
+        let rooms = self.parts.iter().zip(&scales);
+        let most = rooms.map(|(part, scale)| scale * (part.radius + 2.0 * part.sample_spacing));
         let most = most.fold(0.0, f32::max);
         let mut pairs = Vec::new();
         for (place, &a) in order.iter().enumerate() {
@@ -158,7 +160,7 @@ impl LimbContacts {
                 let pair = [a.min(b), a.max(b)];
                 let parts = self.parts_of(pair);
                 if !self.are_neighbours(parts)
-                    && own.grown(scale(parts[0]) * LimbPair::reach(parts)).meets(other)
+                    && own.grown(scales[pair[0] as usize] * LimbPair::reach(parts)).meets(other)
                 {
                     pairs.push(pair);
                 }

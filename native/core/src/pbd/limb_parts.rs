@@ -4,7 +4,7 @@
 use std::cmp::Reverse;
 use std::collections::HashMap;
 
-use glam::{Affine3A, DVec3, Mat3A, Vec3};
+use glam::{Affine3A, DVec3, Mat3A, Vec3, Vec3A};
 
 use super::masks::geodesic_distances;
 use crate::mesh::{Adjacency, TriangleMesh};
@@ -119,8 +119,22 @@ pub(super) struct Bounds {
 
 impl Bounds {
     pub(super) fn of(positions: impl Iterator<Item = Vec3>) -> Self {
-        let empty = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
-        positions.fold(empty, |b, p| Self { low: b.low.min(p), high: b.high.max(p) })
+        // Four at a time: one would wait for the other.
+        let mut lanes = [(Vec3A::INFINITY, Vec3A::NEG_INFINITY); 4];
+        let mut positions = positions.map(Vec3A::from);
+        'all: loop {
+            for (low, high) in &mut lanes {
+                let Some(position) = positions.next() else { break 'all };
+                (*low, *high) = (low.min(position), high.max(position));
+            }
+        }
+        let [a, b, c, d] = lanes.map(|(low, high)| Self { low: low.into(), high: high.into() });
+        a.and(b).and(c.and(d))
+    }
+
+    /// The box that holds both.
+    fn and(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
     pub(super) fn grown(self, by: f32) -> Self {

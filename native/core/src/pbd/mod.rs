@@ -21,6 +21,7 @@ mod fold_grid;
 mod fold_plane;
 mod fold_profile;
 mod island;
+mod joint_blend;
 mod lanes;
 #[cfg(target_arch = "x86_64")]
 mod lanes_avx2;

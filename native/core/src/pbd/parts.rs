@@ -35,6 +35,11 @@ impl Parts {
         }
     }
 
+    /// True where each bone is in the same part.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        self.of_bone == other.of_bone
+    }
+
     fn part_of(&mut self, transform: &Affine3A, extent: f32) -> u32 {
         if is_still(transform, extent) {
             return STILL_PART;

@@ -7,10 +7,12 @@ use rayon::prelude::*;
 
 use super::active::Neighbours;
 use super::areas::{JointArea, JointAreas};
+use super::contact::JointContact;
 use super::contact_setup::joint_contacts;
 use super::domains::Constraints;
 use super::fit::cage_fit;
 use super::island::{Bind, Island, SurfacePoint, spring_lengths};
+use super::joint_blend::JointBlends;
 use super::masks::{PatchMasks, geodesic_distances};
 use super::particles::Particles;
 use super::stiffness::{particle_shares, tetrahedron_share};
@@ -316,6 +318,9 @@ fn build_island(
     let surface = surface_points(input, patch, fit, freedom, embeddings, &used, &local);
     let (cage_contacts, contacts) =
         joint_contacts(input, areas, &surface).into_iter().map(|c| (c.cage, c.surface)).unzip();
+    let cage_contacts: Vec<JointContact> = cage_contacts;
+    let points_of =
+        |contact: &JointContact| contact.vertices.iter().map(|v| surface[v.element as usize]).collect();
     let mut heaviness: BTreeMap<u32, f64> = BTreeMap::new();
     island_rows().flatten().for_each(|(bone, w)| *heaviness.entry(bone).or_default() += w);
     let mut bones: Vec<(u32, f64)> = heaviness.into_iter().collect();
@@ -330,6 +335,8 @@ fn build_island(
     let (low, high) = rest.iter().fold((rest[0], rest[0]), |(l, h), &p| (l.min(p), h.max(p)));
     Island {
         neighbours: Neighbours::new(rest.len(), &tetrahedra),
+        cage_points: cage_contacts.iter().map(points_of).collect(),
+        blends: JointBlends::new(&cage_contacts, &weights, &inverse_masses, &tetrahedra),
         cage_contacts,
         contacts,
         weights,

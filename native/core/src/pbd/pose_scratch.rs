@@ -9,6 +9,7 @@ use super::island::Island;
 use super::limb_contact::LimbScratch;
 use super::solver::{Scratch, solve_island};
 use super::stats::Work;
+use super::surface::Corrections;
 use super::surface_contact::SeparationBuffers;
 use super::surface_stretch::StretchScratch;
 
@@ -25,8 +26,8 @@ pub(super) struct PoseScratch {
 /// Buffers of the surface's correction.
 #[derive(Default)]
 pub(super) struct SurfaceScratch {
-    /// Corrections of the vertices that islands move.
-    pub moved: Vec<Vec3>,
+    /// Corrections of the vertices that islands move, and those that are smoothed.
+    pub corrections: Corrections,
     /// Corrections of all vertices (V), where they are smoothed.
     pub all: Vec<Vec3>,
     pub smoothed: Vec<Vec3>,

@@ -178,10 +178,10 @@ impl PbdSkin {
             let mut positions = vec![Vec3::ZERO; self.rest.len()];
             let mut scratch = self.take_scratch();
             let PoseScratch { islands, plain, surface, .. } = &mut scratch;
-            let mut stats = self.skin_and_solve(&pose, islands, &mut positions);
+            plain.resize(self.rest.len(), Vec3::ZERO);
+            let mut stats = self.skin_and_solve(&pose, islands, plain, &mut positions);
             let surface_begin = Instant::now();
             if stats.active_islands > 0 {
-                plain.clone_from(&positions);
                 self.correct(&pose, islands, plain, surface, &mut positions, &mut stats.work);
             }
             stats.milliseconds.surface = milliseconds(surface_begin);
@@ -214,18 +214,19 @@ impl PbdSkin {
             let PoseScratch { islands, plain, solved, surface } = &mut scratch;
             let pose = Pose { skinning: &skinning, transforms, vertices };
             plain.resize(self.rest.len(), Vec3::ZERO);
+            solved.resize(self.rest.len(), Vec3::ZERO);
             // Unless it is stretched, what moves as a whole has no active island and needs no plain skin.
             let moves_as_one = transforms.windows(2).all(|pair| pair[0] == pair[1]);
             let mut stats = match moves_as_one {
                 true => self.solve_islands(transforms, islands),
-                false => self.skin_and_solve(&pose, islands, plain),
+                false => self.skin_and_solve(&pose, islands, plain, solved),
             };
             let rest = if stats.active_islands > 0 {
                 if moves_as_one {
                     skinning.all_into(vertices.unwrap_or(&self.rest), &self.weights, plain);
+                    solved.copy_from_slice(plain);
                 }
                 let surface_begin = Instant::now();
-                solved.clone_from(plain);
                 self.correct(&pose, islands, plain, surface, solved, &mut stats.work);
                 let share = |vertex: usize| shares.map_or(1.0, |shares| shares[vertex]);
                 let offset = |vertex: usize| (solved[vertex] - plain[vertex]) * share(vertex);
@@ -269,11 +270,18 @@ impl PbdSkin {
         }
     }
 
-    /// Solves the islands while a thread that is free skins the surface (V) plainly.
-    fn skin_and_solve(&self, pose: &Pose<'_>, islands: &mut [IslandScratch], plain: &mut [Vec3]) -> Stats {
+    /// Solves the islands while a thread that is free skins the surface (V) plainly, twice the same.
+    fn skin_and_solve(
+        &self,
+        pose: &Pose<'_>,
+        islands: &mut [IslandScratch],
+        plain: &mut [Vec3],
+        solved: &mut [Vec3],
+    ) -> Stats {
         let skin = || {
             let begin = Instant::now();
             pose.skinning.all_into(pose.vertices.unwrap_or(&self.rest), &self.weights, plain);
+            solved.copy_from_slice(plain);
             milliseconds(begin)
         };
         let (mut stats, skinned) = rayon::join(|| self.solve_islands(pose.transforms, islands), skin);
@@ -313,25 +321,31 @@ impl PbdSkin {
     ) {
         let Pose { skinning, transforms, vertices } = *pose;
         let vertices = vertices.unwrap_or(&self.rest);
-        let is_rest = vertices == self.rest;
-        let SurfaceScratch { moved, all, smoothed, contact, limbs, stretch } = surface;
+        let is_rest = pose.vertices.is_none_or(|given| given == self.rest);
+        let SurfaceScratch { corrections, all, smoothed, contact, limbs, stretch } = surface;
         let plain = PlainSkin {
             skinning,
             weights: &self.weights,
             rest: &self.rest,
             skinned: is_rest.then_some(skinned),
         };
-        work.corrected_vertices = self.moved.corrections(&self.islands, scratch, &plain, moved);
+        work.corrected_vertices = self.moved.correct(&self.islands, scratch, &plain, corrections);
         let chosen = &self.moved.vertices;
-        if self.settings.smoothing > 0.0 {
+        let moved = if self.settings.smoothing > 0.0 {
             all.resize(positions.len(), Vec3::ZERO);
-            chosen.iter().zip(&*moved).for_each(|(&vertex, &correction)| all[vertex as usize] = correction);
+            let given = chosen.iter().zip(&corrections.all);
+            given.for_each(|(&vertex, &correction)| all[vertex as usize] = correction);
             smooth_correction(all, chosen, &self.adjacency, self.settings.smoothing, smoothed);
-            moved.clone_from(smoothed);
-        }
-        for (&vertex, &correction) in chosen.iter().zip(&*moved) {
-            positions[vertex as usize] += correction;
-        }
+            for (&vertex, &correction) in chosen.iter().zip(&*smoothed) {
+                positions[vertex as usize] += correction;
+            }
+            &*smoothed
+        } else {
+            for &place in corrections.computed.iter().flatten() {
+                positions[chosen[place as usize] as usize] += corrections.all[place as usize];
+            }
+            &corrections.all
+        };
         if self.settings.self_collision {
             let pairs = self.islands.par_iter().zip(&self.contacts).zip(scratch);
             let posed = pairs.filter_map(|((island, surface), scratch)| {

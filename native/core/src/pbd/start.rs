@@ -6,7 +6,6 @@ use rayon::prelude::*;
 use wide::f32x4;
 
 use super::active::ActivePart;
-use super::contact::JointContact;
 use super::fold_plane::FoldPlane;
 use super::island::Island;
 use super::lanes::Particle;
@@ -21,34 +20,35 @@ const BEND_LINEAR: f32 = 0.25;
 /// Share of its rest volume from which on a tetrahedron takes its corners no farther towards linear
 /// blending: what starts inside out has many ways back, and takes another one in the next pose.
 const LEAST_START_VOLUME: f32 = 0.6;
-/// Particles that are skinned, and tetrahedra that are looked at, in one task.
-const CHUNK: usize = 1024;
+/// Particles that are skinned in one task.
+const CHUNK: usize = 2048;
 
 /// Buffers of the start state.
 #[derive(Debug, Clone, Default)]
 pub(super) struct StartState {
-    /// Joints that bend: bone, parent, and how far the start is from linear blending.
-    bends: Vec<(u32, u32, f32)>,
+    /// Joints that bend, and how far the start is from linear blending between their bones.
+    bends: Vec<(usize, f32)>,
+    /// Joints that bend by their part in the blending of each particle, as a sum.
+    sinks: Vec<f32>,
     /// Where dual quaternions put each particle, and its way from there towards linear blending.
     places: Vec<(Vec3, Vec3)>,
-    /// True for particles that have such a way.
-    sinks: Vec<bool>,
     /// Share of that way that it goes.
     shares: Vec<f32>,
-    /// Tetrahedra that let their corners go a share of the way only.
-    limits: Vec<(u32, f32)>,
+    /// Where it is at the end of it.
+    ends: Vec<Particle>,
 }
 
 impl StartState {
     /// Puts all particles in their places, none of them free yet; what no moved bone carries stays where it
-    /// was. `transforms` are relative to the island's frame, `folds` the joints whose bones form one.
+    /// was. `transforms` are relative to the island's frame, `folds` the joints whose bones form one, by their
+    /// places in the island's list.
     pub(super) fn place<'a>(
         &mut self,
         island: &Island,
         settings: &PbdSettings,
         transforms: &[Affine3A],
         active: &ActivePart,
-        folds: impl Iterator<Item = (&'a JointContact, &'a FoldPlane)>,
+        folds: impl Iterator<Item = (usize, &'a FoldPlane)>,
         particles: &mut Vec<Particle>,
     ) {
         let linear = match settings.start {
@@ -58,25 +58,25 @@ impl StartState {
         };
         self.bends.clear();
         if settings.start == Start::Auto && !linear {
-            let joints = folds.map(|(contact, fold)| (contact, BEND_LINEAR * fold.bend_share));
-            let bent = joints.filter(|&(_, share)| share > 0.0);
-            self.bends.extend(bent.map(|(contact, share)| (contact.bone, contact.parent, share)));
+            let joints = folds.map(|(joint, fold)| (joint, BEND_LINEAR * fold.bend_share));
+            self.bends.extend(joints.filter(|&(_, share)| share > 0.0));
         }
+        self.sink(island);
         let blended = Skinning::linear(transforms);
         let skinning = if linear { blended.clone() } else { Skinning::dual_quaternion(transforms, None) };
-        let bends = self.bends.as_slice();
+        let sinks = self.sinks.as_slice();
         let place_of = |i: usize| {
             if !active.is_carried(i) {
                 return (island.rest[i], Vec3::ZERO);
             }
             let row = island.weights.row(i);
             let place = skinning.vertex(island.rest[i], row);
-            let share = if island.inverse_masses[i] > 0.0 { linear_share(row, bends) } else { 0.0 };
-            let sinking = match share > 0.0 {
-                true => (blended.vertex(island.rest[i], row) - place) * share,
-                false => Vec3::ZERO,
-            };
-            (place, sinking)
+            if sinks[i] <= 0.0 {
+                return (place, Vec3::ZERO);
+            }
+            // By their part in all the blending between two bones of its row.
+            let share = (sinks[i] / island.blends.all[i]).min(1.0);
+            (place, (blended.vertex(island.rest[i], row) - place) * share)
         };
         self.places.resize(island.rest.len(), (Vec3::ZERO, Vec3::ZERO));
         self.places.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, places)| {
@@ -84,63 +84,59 @@ impl StartState {
         });
         self.limit(island);
         particles.clear();
-        particles.extend(self.places.iter().zip(&self.shares).map(|(&(place, sinking), &share)| {
-            let place = place + sinking * share;
-            f32x4::new([place.x, place.y, place.z, 0.0])
-        }));
+        particles.extend(
+            self.places
+                .iter()
+                .zip(&self.shares)
+                .map(|(&(place, sinking), &share)| particle(place + sinking * share)),
+        );
+    }
+
+    /// Sums the bends of the joints that each particle blends between.
+    fn sink(&mut self, island: &Island) {
+        let Self { bends, sinks, .. } = self;
+        sinks.clear();
+        sinks.resize(island.rest.len(), 0.0);
+        for &(joint, share) in bends.iter() {
+            for &(particle, product) in island.blends.particles(joint) {
+                sinks[particle as usize] += product * share;
+            }
+        }
     }
 
     /// Lets no tetrahedron shrink far on the way towards linear blending.
     fn limit(&mut self, island: &Island) {
-        let Self { bends, places, sinks, shares, limits } = self;
+        let Self { bends, places, ends, shares, .. } = self;
         shares.clear();
         shares.resize(places.len(), 1.0);
-        limits.clear();
-        if bends.is_empty() {
-            return;
-        }
-        sinks.clear();
-        sinks.extend(places.iter().map(|&(_, sinking)| sinking != Vec3::ZERO));
+        ends.clear();
+        ends.extend(places.iter().map(|&(place, sinking)| particle(place + sinking)));
         let least = LEAST_START_VOLUME * island.rest_volume;
         let limit_of = |corners: &[u32; 4]| {
-            if !corners.iter().any(|&corner| sinks[corner as usize]) {
+            let all = signed_volume(corners.map(|corner| {
+                let [x, y, z, _] = ends[corner as usize].to_array();
+                Vector3::new(x, y, z)
+            }));
+            if all >= least {
                 return None;
             }
-            let places = corners.map(|corner| places[corner as usize]);
-            let volume = |share: f32| {
-                signed_volume(
-                    places.map(|(place, sinking)| Vector3::from((place + sinking * share).to_array())),
-                )
-            };
-            let (none, all) = (volume(0.0), volume(1.0));
-            (all < least && all < none).then(|| ((none - least) / (none - all)).clamp(0.0, 1.0))
+            let none =
+                signed_volume(corners.map(|corner| Vector3::from(places[corner as usize].0.to_array())));
+            (all < none).then(|| ((none - least) / (none - all)).clamp(0.0, 1.0))
         };
-        limits.par_extend(
-            island
-                .tetrahedra
-                .par_iter()
-                .enumerate()
-                .with_min_len(CHUNK)
-                .filter_map(|(tetrahedron, corners)| Some((tetrahedron as u32, limit_of(corners)?))),
-        );
-        for &(tetrahedron, limit) in limits.iter() {
-            for corner in island.tetrahedra[tetrahedron as usize] {
-                let share = &mut shares[corner as usize];
-                *share = share.min(limit);
+        for tetrahedron in island.blends.tetrahedra(bends.iter().map(|&(joint, _)| joint)) {
+            let corners = &island.tetrahedra[tetrahedron as usize];
+            if let Some(limit) = limit_of(corners) {
+                for &corner in corners {
+                    let share = &mut shares[corner as usize];
+                    *share = share.min(limit);
+                }
             }
         }
     }
 }
 
-/// How far a particle starts from linear blending: the joints that bend, as `(bone, parent, share)`,
-/// by their part in all the blending between two bones of its row.
-fn linear_share((bones, weights): (&[u32], &[f32]), bends: &[(u32, u32, f32)]) -> f32 {
-    if bones.len() < 2 || bends.is_empty() {
-        return 0.0;
-    }
-    let weight = |bone: u32| bones.iter().position(|&b| b == bone).map_or(0.0, |place| weights[place]);
-    let bent: f32 = bends.iter().map(|&(bone, parent, share)| weight(bone) * weight(parent) * share).sum();
-    let pairs = (0..weights.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
-    let all: f32 = pairs.map(|(i, j)| weights[i] * weights[j]).sum();
-    if bent > 0.0 { (bent / all).min(1.0) } else { 0.0 }
+/// A particle that is not free yet.
+fn particle(place: Vec3) -> Particle {
+    f32x4::new([place.x, place.y, place.z, 0.0])
 }

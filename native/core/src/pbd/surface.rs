@@ -30,6 +30,17 @@ pub(super) struct PlainSkin<'a> {
     pub skinned: Option<&'a [Vec3]>,
 }
 
+/// Corrections in a pose. Which ones there are is kept for the next.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Corrections {
+    /// Of all moved vertices (M).
+    pub all: Vec<Vec3>,
+    /// Places of those that were computed, ascending, task by task; all others are zero.
+    pub computed: Vec<Vec<u32>>,
+    /// The islands' counts of changes that they are for, 0 where an island is idle.
+    concerned: Vec<u64>,
+}
+
 impl MovedVertices {
     pub(super) fn new(islands: &[Island]) -> Self {
         let points_of = |(index, island): (u32, &Island)| {
@@ -51,51 +62,65 @@ impl MovedVertices {
         moved
     }
 
-    /// Corrections of the moved vertices (M), and how many of them were computed: where all is as if at
-    /// rest, the correction is zero.
-    pub(super) fn corrections(
+    /// Corrections of the moved vertices (M) into `corrections.all`, and how many of them were computed: where all
+    /// is as if at rest, the correction is zero.
+    pub(super) fn correct(
         &self,
         islands: &[Island],
         scratch: &[IslandScratch],
         plain: &PlainSkin<'_>,
-        corrections: &mut Vec<Vec3>,
+        corrections: &mut Corrections,
     ) -> usize {
-        corrections.clear();
-        corrections.resize(self.vertices.len(), Vec3::ZERO);
-        let chunks = corrections.par_chunks_mut(CHUNK).enumerate();
-        let counts = chunks.map(|(chunk, corrections)| {
-            let mut count = 0;
-            let starts = &self.starts[chunk * CHUNK..][..=corrections.len()];
-            let points = &self.points[starts[0] as usize..starts[corrections.len()] as usize];
-            let mut seen = None;
-            let mut is_idle = |island: u32| {
-                let is_new = seen.replace(island) != Some(island);
-                !is_new || scratch[island as usize].frame.is_none()
-            };
-            if points.iter().all(|&(island, _)| is_idle(island)) {
+        let Corrections { all, computed, concerned } = corrections;
+        let states = scratch.iter().map(|s| s.frame.map_or(0, |_| s.solver.changes()));
+        let is_known = all.len() == self.vertices.len() && states.clone().eq(concerned.iter().copied());
+        if !is_known {
+            concerned.clear();
+            concerned.extend(states);
+            all.resize(self.vertices.len(), Vec3::ZERO);
+            computed.resize_with(all.len().div_ceil(CHUNK), Vec::new);
+        }
+        let is_idle = |island: u32| scratch[island as usize].frame.is_none();
+        let chunks = all.par_chunks_mut(CHUNK).zip(&mut *computed).enumerate();
+        let counts = chunks.map(|(chunk, (all, places))| {
+            let first = chunk * CHUNK;
+            let correction = |place: usize| self.correction(place, islands, scratch, plain);
+            if is_known {
+                for &place in &*places {
+                    all[place as usize - first] = correction(place as usize).unwrap_or_default();
+                }
+                return places.len();
+            }
+            all.fill(Vec3::ZERO);
+            places.clear();
+            let starts = &self.starts[first..][..=all.len()];
+            let points = &self.points[starts[0] as usize..starts[all.len()] as usize];
+            if points.chunk_by(|a, b| a.0 == b.0).all(|run| is_idle(run[0].0)) {
                 return 0;
             }
-            for (place, correction) in (chunk * CHUNK..).zip(corrections) {
-                count += usize::from(self.correct(place, islands, scratch, plain, correction));
+            for (place, own) in (first..).zip(all) {
+                if let Some(correction) = correction(place) {
+                    *own = correction;
+                    places.push(place as u32);
+                }
             }
-            count
+            places.len()
         });
         counts.sum()
     }
 
-    /// True where the correction had to be computed.
-    fn correct(
+    /// The correction of a moved vertex; `None` where no island is active or it is carried rigidly.
+    fn correction(
         &self,
         place: usize,
         islands: &[Island],
         scratch: &[IslandScratch],
         plain: &PlainSkin<'_>,
-        correction: &mut Vec3,
-    ) -> bool {
+    ) -> Option<Vec3> {
         let vertex = self.vertices[place] as usize;
         let row = plain.weights.row(vertex);
         let mut skinned = plain.skinned.map(|skinned| skinned[vertex]);
-        let mut computed = false;
+        let mut correction = None;
         for &(island, point) in &self.points[self.starts[place] as usize..self.starts[place + 1] as usize] {
             let scratch = &scratch[island as usize];
             let Some(frame) = &scratch.frame else { continue };
@@ -103,10 +128,9 @@ impl MovedVertices {
             if scratch.solver.concerns(point, row.0) {
                 let solved = frame.transform_point3(point.position(&scratch.solver.particles));
                 let skinned = *skinned.get_or_insert_with(|| plain.skinning.vertex(plain.rest[vertex], row));
-                *correction += point.share * (solved - skinned);
-                computed = true;
+                *correction.get_or_insert(Vec3::ZERO) += point.share * (solved - skinned);
             }
         }
-        computed
+        correction
     }
 }

@@ -18,8 +18,27 @@ const ROUNDS: usize = 3;
 /// One-rings of an island's contact candidates, with mean value coordinates from the rest pose.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SurfaceContacts {
-    /// For each joint contact, the rings of its candidates.
-    rings: Vec<Vec<Vec<(u32, f32)>>>,
+    /// For each joint contact.
+    rings: Vec<Rings>,
+}
+
+/// The rings of a joint's candidates, one after the other; empty for those that have none.
+#[derive(Debug, Clone, Default)]
+struct Rings {
+    ends: Vec<u32>,
+    neighbours: Vec<(u32, f32)>,
+}
+
+impl Rings {
+    fn push(&mut self, ring: impl IntoIterator<Item = (u32, f32)>) {
+        self.neighbours.extend(ring);
+        self.ends.push(self.neighbours.len() as u32);
+    }
+
+    fn of(&self, candidate: u32) -> &[(u32, f32)] {
+        let start = candidate.checked_sub(1).map_or(0, |before| self.ends[before as usize]);
+        &self.neighbours[start as usize..self.ends[candidate as usize] as usize]
+    }
 }
 
 impl SurfaceContacts {
@@ -48,10 +67,12 @@ impl SurfaceContacts {
             let spokes: Vec<Vec3> = ring.iter().map(|&v| offset(v)).collect();
             let phi = mean_value_coordinates(Vec3::ZERO, &spokes, normals[vertex as usize].as_vec3())?;
             // A coordinate far outside of 0 to 1 comes from a ring that is folded already.
-            phi.iter().all(|phi| (-0.5..=1.5).contains(phi)).then(|| ring.into_iter().zip(phi).collect())
+            phi.iter().all(|phi| (-0.5..=1.5).contains(phi)).then(|| ring.into_iter().zip(phi))
         };
         let rings_of = |contact: &JointContact| {
-            contact.vertices.iter().map(|v| ring_of(v.element).unwrap_or_default()).collect()
+            let mut rings = Rings::default();
+            contact.vertices.iter().for_each(|v| rings.push(ring_of(v.element).into_iter().flatten()));
+            rings
         };
         Self { rings: island.contacts.iter().map(rings_of).collect() }
     }
@@ -99,7 +120,7 @@ pub(super) fn separate(islands: &[PosedIsland<'_>], positions: &mut [Vec3], buff
             }
             for push in &found.pushes {
                 let candidate = near[push.listed as usize];
-                let ring = &joint.rings[candidate as usize];
+                let ring = joint.rings.of(candidate);
                 if !ring.is_empty() {
                     let vertex = joint.vertex(candidate);
                     let neighbours = ring.iter().map(|&(n, phi)| (phi, positions[n as usize]));
@@ -120,7 +141,7 @@ pub(super) fn separate(islands: &[PosedIsland<'_>], positions: &mut [Vec3], buff
 /// A joint in a pose.
 struct Joint<'a> {
     contact: &'a JointContact,
-    rings: &'a [Vec<(u32, f32)>],
+    rings: &'a Rings,
     local: &'a [Affine3A],
     frame: &'a Affine3A,
     inverse: Affine3A,
@@ -181,9 +202,17 @@ impl JointSearch {
             if round == 1 {
                 near.clone_from(&found.pushable);
             }
-            candidates.clear();
-            let position = |&candidate: &u32| positions[joint.vertex(candidate)];
-            candidates.extend(near.iter().map(position).map(|p| joint.inverse.transform_point3(p)));
+            if refill {
+                // Those that are listed, in their order, of all.
+                (0..)
+                    .zip(&*near)
+                    .for_each(|(place, &candidate)| candidates[place] = candidates[candidate as usize]);
+                candidates.truncate(near.len());
+            } else {
+                candidates.clear();
+                let position = |&candidate: &u32| positions[joint.vertex(candidate)];
+                candidates.extend(near.iter().map(position).map(|p| joint.inverse.transform_point3(p)));
+            }
             joint.contact.pushes(fold, near, candidates, refill, Firmness::SURFACE, found);
         }
     }
@@ -251,7 +280,8 @@ mod tests {
         let of = |(vertex, p): (&ContactVertex, &Vec3)| side(vertex.below).transform_point3(*p);
         let mut positions: Vec<Vec3> = contact.vertices.iter().zip(&rest).map(of).collect();
         let frame = Affine3A::IDENTITY;
-        let joint = Joint { contact: &contact, rings: &[], local: &pose, frame: &frame, inverse: frame };
+        let rings = Rings::default();
+        let joint = Joint { contact: &contact, rings: &rings, local: &pose, frame: &frame, inverse: frame };
         let mut search = JointSearch::default();
         search.begin(&joint, &positions);
         search.find(&joint, &positions, 0);

@@ -4,6 +4,7 @@
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
+use super::fold_grid::{larger, smaller};
 use crate::mesh::{Adjacency, TriangleMesh};
 use crate::skinning::SkinWeights;
 
@@ -131,12 +132,13 @@ impl SurfaceStretch {
         per_scale.extend(surface.transforms.iter().map(|t| t.matrix3.determinant().abs().cbrt().recip()));
         let first = per_scale.first().copied().unwrap_or(1.0);
         let has_one_scale = per_scale.iter().all(|other| (other - first).abs() <= UNSCALED * first);
-        let per_scale = |vertex: u32| match has_one_scale {
-            true => first,
-            false => per_scale[self.bones[vertex as usize] as usize],
-        };
+        let by_bone = |vertex: u32| per_scale[self.bones[vertex as usize] as usize];
+        let per_scale = |vertex: u32| if has_one_scale { first } else { by_bone(vertex) };
         let chunks = 0..surface.moved.len().div_ceil(CHUNK);
-        let look = |chunk, looks: Looks| self.look(surface, positions, chunk, looks, &per_scale);
+        let look = |chunk, looks: Looks| match has_one_scale {
+            true => self.look(surface, positions, chunk, looks, &|_| first),
+            false => self.look(surface, positions, chunk, looks, &by_bone),
+        };
         let look_everywhere = |looks: Looks| {
             let found: Vec<(Longest, Vec<[u32; 2]>)> =
                 chunks.clone().into_par_iter().map(|chunk| look(chunk, looks)).collect();
@@ -188,13 +190,13 @@ impl SurfaceStretch {
             let scale = per_scale(vertex);
             let edges = self.starts[place] as usize..self.starts[place + 1] as usize;
             for &(other, per_rest) in &self.edges[edges] {
-                let per_rest = (per_rest * scale.min(per_scale(other))).powi(2);
+                let per_rest = (per_rest * smaller(scale, per_scale(other))).powi(2);
                 let own = per_rest * own.distance_squared(positions[other as usize]);
-                longest[1] = longest[1].max(own);
+                longest[1] = larger(longest[1], own);
                 // Beyond enough it does not matter how long the longest is.
                 if own > limit || (own >= plain_from && longest[0] < enough) {
                     let plain = per_rest * plain.distance_squared(surface.plain[other as usize]);
-                    longest[0] = longest[0].max(plain);
+                    longest[0] = larger(longest[0], plain);
                     if own > limit && own > plain {
                         long.push([vertex, other]);
                     }

@@ -1,6 +1,8 @@
 //! Offsets of the skinned surface taken back into rest space: what a shape key before the Armature
 //! modifier has to hold so that the skinned surface moves by a wanted offset.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use glam::{DVec3, Mat3, Mat3A, Vec3, Vec3A};
 use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
@@ -8,7 +10,7 @@ use rayon::prelude::*;
 use super::{SkinWeights, Skinning};
 
 /// Vertices per task.
-const CHUNK: usize = 2048;
+const CHUNK: usize = 1024;
 /// A blended matrix with a singular value below this share of its largest is nearly singular
 /// (linear blending within one degree of a half turn): its offsets are limited.
 const SINGULAR: f64 = 1e-2;
@@ -41,28 +43,25 @@ pub fn to_rest_space(
     offset_of: impl Fn(usize) -> Vec3 + Sync,
     shares: Option<&[f32]>,
 ) -> RestSpaceOffsets {
-    let mut rest = vec![Vec3::ZERO; weights.vertex_count()];
-    let limited = rest
-        .par_chunks_mut(CHUNK)
-        .enumerate()
-        .map(|(chunk, rest)| {
-            let mut limited = 0;
-            for (vertex, out) in (chunk * CHUNK..).zip(rest) {
-                let offset = offset_of(vertex);
-                if offset != Vec3::ZERO {
-                    let mut matrix = skinning.matrix(weights.row(vertex));
-                    if let Some(shares) = shares {
-                        matrix = Mat3A::IDENTITY + (matrix - Mat3A::IDENTITY) * shares[vertex];
-                    }
-                    let (solved, is_limited) = solve(&matrix, offset.into());
-                    *out = solved.into();
-                    limited += usize::from(is_limited);
-                }
-            }
-            limited
-        })
-        .sum();
-    RestSpaceOffsets { offsets: rest, limited }
+    let limited = AtomicUsize::new(0);
+    let of_vertex = |vertex: usize| {
+        let offset = offset_of(vertex);
+        if offset == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let mut matrix = skinning.matrix(weights.row(vertex));
+        if let Some(shares) = shares {
+            matrix = Mat3A::IDENTITY + (matrix - Mat3A::IDENTITY) * shares[vertex];
+        }
+        let (solved, is_limited) = solve(&matrix, offset.into());
+        if is_limited {
+            limited.fetch_add(1, Ordering::Relaxed);
+        }
+        solved.into()
+    };
+    // Collected, so that all threads touch the new memory first, each its part.
+    let vertices = (0..weights.vertex_count()).into_par_iter().with_min_len(CHUNK);
+    RestSpaceOffsets { offsets: vertices.map(of_vertex).collect(), limited: limited.into_inner() }
 }
 
 /// Solves `matrix · x = offset`; true where singular values had to be limited. A limited singular
