@@ -258,6 +258,7 @@ mod tests {
     use crate::pbd::build::build_islands;
     use crate::pbd::island::position;
     use crate::pbd::lanes::tests::on_portable_lanes;
+    use crate::pbd::{Start, signed_volume};
     use crate::rig::Skeleton;
     use crate::skinning::SkinWeights;
 
@@ -302,6 +303,37 @@ mod tests {
                 let largest = differences.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
                 assert!(largest <= 1e-6 * HEIGHT, "{largest}");
             }
+        }
+    }
+
+    #[test]
+    fn tetrahedra_inside_out_are_counted_whether_they_were_looked_at_or_not() {
+        let unsolved =
+            PbdSettings { iterations: 0, volume_sweeps: 0, start: Start::Linear, ..PbdSettings::default() };
+        let not_opened = PbdSettings { volume: 0.0, ..unsolved };
+        for (settings, is_looked_at) in
+            [(PbdSettings::default(), true), (unsolved, true), (not_opened, false)]
+        {
+            let (islands, [still, _, _]) = islands_of(&settings);
+            // Turned by half, linear blending draws everything through the middle of the joint.
+            let turned = Affine3A::from_translation(Vec3::X * -2.0)
+                * Affine3A::from_rotation_x(3.1)
+                * Affine3A::from_rotation_z(1.0)
+                * Affine3A::from_translation(Vec3::X * 2.0);
+            let mut total = 0;
+            for island in &islands {
+                let mut scratch = Scratch::default();
+                solve_island(island, &settings, &[still, turned, turned], &mut scratch);
+                let at = |place: u32| {
+                    let [x, y, z, _] = scratch.particles[place as usize].to_array();
+                    Vector3::new(x, y, z)
+                };
+                let inverted = island.tetrahedra.iter().filter(|t| signed_volume(t.map(at)) <= 0.0).count();
+                assert_eq!(scratch.inverted(island), inverted);
+                assert!(is_looked_at || !scratch.is_open);
+                total += inverted;
+            }
+            assert!(is_looked_at || total > 0);
         }
     }
 
