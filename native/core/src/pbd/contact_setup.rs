@@ -1,6 +1,6 @@
 //! Contact candidates around each joint of an island, found in the rest pose.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::areas::JointArea;
 use super::contact::{ContactVertex, JointContact};
@@ -14,6 +14,10 @@ const CANDIDATE_REACH: f64 = 2.8;
 const CAGE_CANDIDATES: usize = 600;
 /// Length of a bone, in radii of its joint, from which on it is a limb's.
 const LIMB: f64 = 4.0;
+/// Distance of a joint from the middle of the bone above, in distances from that bone's head, up to which the middle
+/// has no direction.
+const BESIDE_MIDDLE: f64 = 0.25;
+
 /// Contact candidates around one joint.
 pub(super) struct JointContacts {
     /// Those that push the cage while it is solved.
@@ -37,13 +41,15 @@ fn joint_contact(
     surface: &[SurfacePoint],
 ) -> Option<JointContacts> {
     let (heads, tails) = (input.skeleton.heads(), input.skeleton.tails());
-    let (up, down) = (heads[area.parent as usize], tails[area.bone as usize]);
+    let down = tails[area.bone as usize];
+    let [head, tail] = [heads, tails].map(|ends| ends[area.parent as usize]);
+    let up = towards(area.centre, head, tail);
     let up_direction = (up - area.centre).try_normalize()?;
     let down_direction = (down - area.centre).try_normalize()?;
     (down_direction - up_direction).try_normalize()?;
     let position = |v: u32| input.mesh.vertices()[v as usize];
     let is_below = |v: u32| input.areas.share(v as usize, area.bone) > 0.5;
-    let limb = up.distance(area.centre).min(down.distance(area.centre));
+    let limb = head.distance(area.centre).min(down.distance(area.centre));
     let reach = (CANDIDATE_REACH * area.radius).max(limb);
     let is_candidate =
         |v: u32| position(v).distance(area.centre) <= reach && is_neighbour(input, area, v, is_below(v));
@@ -79,6 +85,13 @@ fn joint_contact(
     let (cage, rest) = contact_of(&points, &in_cage);
     let (surface, surface_rest) = contact_of(&candidates, &candidates);
     Some(JointContacts { cage: thinned(&cage, &rest), surface: at_rest(surface, &surface_rest) })
+}
+
+/// A point up a bone from a joint: its middle. A bone that ends at the joint lies in the direction of its head as well;
+/// one beside it, as the pelvis beside a hip, does not. Where the joint is near the middle itself, the head.
+fn towards(joint: DVec3, head: DVec3, tail: DVec3) -> DVec3 {
+    let middle = head.midpoint(tail);
+    if joint.distance(middle) < BESIDE_MIDDLE * joint.distance(head) { head } else { middle }
 }
 
 /// The candidates that push the cage: a sample of those that are projected in the end. Chosen by a

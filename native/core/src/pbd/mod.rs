@@ -47,6 +47,7 @@ mod stiffness;
 mod stretch;
 mod surface;
 mod surface_contact;
+mod surface_crease;
 mod surface_stretch;
 mod sweeps;
 mod untangle;

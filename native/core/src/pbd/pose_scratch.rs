@@ -11,6 +11,7 @@ use super::solver::{Scratch, solve_island};
 use super::stats::Work;
 use super::surface::Corrections;
 use super::surface_contact::SeparationBuffers;
+use super::surface_crease::CreaseScratch;
 use super::surface_stretch::StretchScratch;
 
 /// Buffers of a pose.
@@ -33,6 +34,7 @@ pub(super) struct SurfaceScratch {
     pub smoothed: Vec<Vec3>,
     pub limbs: LimbScratch,
     pub contact: SeparationBuffers,
+    pub creases: CreaseScratch,
     pub stretch: StretchScratch,
 }
 

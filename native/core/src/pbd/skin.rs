@@ -18,6 +18,7 @@ use super::stats::{ConstraintCounts, Milliseconds, Stats, Work};
 use super::stiffness::check_shares;
 use super::surface::{MovedVertices, PlainSkin};
 use super::surface_contact::{PosedIsland, SurfaceContacts, separate};
+use super::surface_crease::SurfaceCreases;
 use super::surface_stretch::{PosedSurface, SurfaceStretch};
 use super::{PbdError, PbdSettings, SkinningMethod};
 use crate::cage::TetMesh;
@@ -38,6 +39,7 @@ pub struct PbdSkin {
     islands: Vec<Island>,
     contacts: Vec<SurfaceContacts>,
     limbs: LimbContacts,
+    creases: SurfaceCreases,
     stretch: SurfaceStretch,
     moved: MovedVertices,
     constraints: ConstraintCounts,
@@ -130,6 +132,7 @@ impl PbdSkin {
             false => LimbContacts::default(),
         };
         let limbs = pool.as_ref().map_or_else(limbs, |pool| pool.install(limbs));
+        let creases = SurfaceCreases::new(mesh, &adjacency, &moved.vertices);
         let stretch = SurfaceStretch::new(mesh, &adjacency, weights, &moved.vertices);
         let constraints = ConstraintCounts::of(&islands, settings);
         Ok(Self {
@@ -141,6 +144,7 @@ impl PbdSkin {
             islands,
             contacts,
             limbs,
+            creases,
             stretch,
             moved,
             constraints,
@@ -322,7 +326,7 @@ impl PbdSkin {
         let Pose { skinning, transforms, vertices } = *pose;
         let vertices = vertices.unwrap_or(&self.rest);
         let is_rest = pose.vertices.is_none_or(|given| given == self.rest);
-        let SurfaceScratch { corrections, all, smoothed, contact, limbs, stretch } = surface;
+        let SurfaceScratch { corrections, all, smoothed, contact, creases, limbs, stretch } = surface;
         let plain = PlainSkin {
             skinning,
             weights: &self.weights,
@@ -358,6 +362,7 @@ impl PbdSkin {
             });
             let posed: Vec<PosedIsland<'_>> = posed.collect();
             separate(&posed, positions, contact);
+            self.creases.open(&contact.touched, &self.adjacency, positions, creases);
             let shape = (!is_rest).then_some(vertices);
             self.limbs.separate(transforms, shape, &self.adjacency, positions, limbs);
         }

@@ -90,7 +90,8 @@ pub(super) struct PosedIsland<'a> {
 /// Separates the sides of every bent joint of all islands; `positions` are the whole surface.
 pub(super) fn separate(islands: &[PosedIsland<'_>], positions: &mut [Vec3], buffers: &mut SeparationBuffers) {
     let joints: Vec<Joint<'_>> = islands.iter().flat_map(joints_of).collect();
-    let SeparationBuffers { searches, pushed } = buffers;
+    let SeparationBuffers { searches, pushed, touched } = buffers;
+    touched.clear();
     searches.resize_with(joints.len(), JointSearch::default);
     pushed.resize(positions.len(), false);
     for round in 0..ROUNDS {
@@ -109,6 +110,9 @@ pub(super) fn separate(islands: &[PosedIsland<'_>], positions: &mut [Vec3], buff
             if found.pushes.is_empty() {
                 near.clear();
                 continue;
+            }
+            if round == 0 {
+                touched.extend(found.pushable.iter().map(|&candidate| joint.vertex(candidate) as u32));
             }
             for push in &found.pushes {
                 let vertex = joint.vertex(near[push.listed as usize]);
@@ -166,6 +170,8 @@ pub(super) struct SeparationBuffers {
     searches: Vec<JointSearch>,
     /// Vertices (V) that this round has pushed; false everywhere between rounds.
     pushed: Vec<bool>,
+    /// Vertices near the other side of a joint whose sides are in contact; of several joints more than once.
+    pub touched: Vec<u32>,
 }
 
 /// The search for what one joint has to push.
