@@ -16,7 +16,7 @@ use super::marks::{Mark, affine};
 use super::rigid_fit::rigid_fit;
 use super::shell::median;
 use crate::linalg::{Cholesky, SymbolicCholesky, diagonal_of_inverse};
-use crate::mesh::{Submesh, SurfaceQuery, TriangleMesh};
+use crate::mesh::{Adjacency, Submesh, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
 use crate::spectral::SpectralError;
 
@@ -213,6 +213,7 @@ impl Deformer {
         let whole = TriangleMesh::new(base.to_vec(), self.surface.welded.triangles().to_vec())?;
         let held = Submesh::new(&whole, |v| !free[v])?;
         let query = SurfaceQuery::new(&held.mesh)?;
+        let edges = Adjacency::new(held.mesh.vertex_count(), &held.mesh.topology());
         for piece in pieces {
             let found: Vec<_> = piece.par_iter().map(|&v| query.closest_point(base[v])).collect();
             let nearest = found.iter().flatten().map(|c| c.distance).fold(f64::INFINITY, f64::min);
@@ -223,9 +224,14 @@ impl Deformer {
             let mut pairs = Vec::with_capacity(3 * found.len());
             for closest in found.iter().flatten() {
                 let weight = libm::exp(-libm::pow((closest.distance - nearest) / reach, 2.0));
-                for corner in held.mesh.triangles()[closest.triangle as usize] {
-                    let v = held.to_whole[corner as usize] as usize;
-                    pairs.push((base[v], moved[v], weight));
+                // Whole rings, not the triangle: where a place lies on an edge, rounding picks among two.
+                for (corner, share) in
+                    held.mesh.triangles()[closest.triangle as usize].into_iter().zip(closest.barycentric)
+                {
+                    for &near in edges.neighbours(corner as usize).iter().chain([&corner]) {
+                        let v = held.to_whole[near as usize] as usize;
+                        pairs.push((base[v], moved[v], weight * share));
+                    }
                 }
             }
             let motion = rigid_fit(&pairs);
@@ -240,7 +246,7 @@ impl Deformer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::test_surfaces::{icosphere, joined, mapped, permuted, similarity};
+    use crate::mesh::test_surfaces::{grid, icosphere, joined, mapped, permuted, similarity};
     use glam::{DAffine3, DMat3};
 
     fn fit(mesh: &TriangleMesh, constraints: &[Constraint], settings: &DeformSettings) -> Deformed {
@@ -253,6 +259,24 @@ mod tests {
 
     fn farthest(a: &[DVec3], b: &[DVec3]) -> f64 {
         a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_loose_piece_over_an_edge_follows_what_is_on_both_sides() {
+        // The sheet's two halves tilt; the piece above the edge between them does not follow one alone.
+        let sheet = mapped(&grid(4), |p| p - DVec3::new(0.5, 0.5, 0.0));
+        let button = mapped(&icosphere(1), |p| p * 0.05 + DVec3::new(0.0, 0.0, 0.3));
+        let roof = |p: DVec3| DVec3::new(p.x, p.y, p.z - 0.3 * p.x.abs());
+        let marks: Vec<Constraint> =
+            (0..sheet.vertex_count()).map(|v| pin(v, roof(sheet.vertices()[v]))).collect();
+        let mesh = joined(&sheet, &button);
+        let keep = DeformSettings { trim_rounds: 0, ..DeformSettings::default() };
+        let found = fit(&mesh, &marks, &keep).vertices;
+        for shift in [-1e-9, 1e-9] {
+            let moved = mapped(&button, |p| p + DVec3::new(shift, -shift, 0.0));
+            let again = fit(&joined(&sheet, &moved), &marks, &keep).vertices;
+            assert!(farthest(&found, &again) < 1e-6, "{}", farthest(&found, &again));
+        }
     }
 
     /// An affine map that stretches, shears, turns and moves by about the size of the sphere.

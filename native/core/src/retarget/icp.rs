@@ -21,6 +21,11 @@ const FAR: f64 = 4.0;
 /// but those below this share of the largest distance are not.
 const NEVER_FAR: f64 = 0.25;
 
+/// Places whose distances differ by less than this share of the extent are equally near.
+const EQUALLY_NEAR: f64 = 1e-7;
+/// Two places nearer to each other than this share are one.
+const SAME_PLACE: f64 = 1e-5;
+
 /// Settings of the rounds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IcpSettings {
@@ -65,6 +70,16 @@ impl Surroundings<'_> {
         let mut found = self.query.closest_point(point + tie_break(self.shell.extent))?;
         found.distance = found.position.distance(point);
         Some(found)
+    }
+
+    /// The place on the other side of a point that is as near to it as that on a triangle at a distance, if there is
+    /// one: both count, as on the mirror plane of a body, or the order of triangles and the axes would decide.
+    pub(super) fn equally_close(&self, point: DVec3, distance: f64, triangle: u32) -> Option<ClosestPoint> {
+        let extent = self.shell.extent;
+        let mut other = self.query.closest_point(point - tie_break(extent))?;
+        other.distance = other.position.distance(point);
+        let is_tie = (other.distance - distance).abs() <= EQUALLY_NEAR * extent;
+        (is_tie && other.triangle != triangle).then_some(other)
     }
 }
 
@@ -152,12 +167,37 @@ pub(super) fn closest_pull(
     max_angle: f64,
 ) -> Option<ClosestPull> {
     let found = target.closest(point)?;
-    let (facing, both) = target.shell.normal_at(target.mesh, &found);
+    let own = pull_to(&found, normal, two_sided, target, max_angle);
+    let is_elsewhere =
+        |other: &ClosestPoint| other.position.distance(found.position) > SAME_PLACE * target.shell.extent;
+    let other = target.equally_close(point, found.distance, found.triangle).filter(is_elsewhere);
+    let Some(other) = other else { return own };
+    let other = pull_to(&other, normal, two_sided, target, max_angle);
+    let (Some(own), Some(other)) = (&own, &other) else { return own.or(other) };
+    let total = own.agreement + other.agreement;
+    let mean = |a: DVec3, b: DVec3| (a * own.agreement + b * other.agreement) / total;
+    Some(ClosestPull {
+        position: mean(own.position, other.position),
+        normal: mean(own.normal, other.normal).normalize_or_zero(),
+        distance: own.distance,
+        agreement: total / 2.0,
+    })
+}
+
+/// What a place that is closest to a point does with it.
+fn pull_to(
+    found: &ClosestPoint,
+    normal: DVec3,
+    two_sided: bool,
+    target: Surroundings<'_>,
+    max_angle: f64,
+) -> Option<ClosestPull> {
+    let (facing, both) = target.shell.normal_at(target.mesh, found);
     let cosine = normal.dot(facing);
     let angle = if both || two_sided { cosine.abs() } else { cosine }.clamp(-1.0, 1.0);
     let angle = libm::acos(angle).to_degrees();
-    let open = target.shell.is_on_open_edge(target.mesh, &found)
-        && found.distance > NEGLIGIBLE * target.shell.extent;
+    let open =
+        target.shell.is_on_open_edge(target.mesh, found) && found.distance > NEGLIGIBLE * target.shell.extent;
     let agreement = (3.0 * (1.0 - angle / max_angle)).clamp(0.0, 1.0);
     (agreement > 0.0 && !open).then_some(ClosestPull {
         position: found.position,
@@ -171,7 +211,7 @@ pub(super) fn closest_pull(
 mod tests {
     use super::super::deform::{Anchor, Constraint, DeformSettings};
     use super::*;
-    use crate::mesh::test_surfaces::{icosphere, joined, mapped, permuted, similarity};
+    use crate::mesh::test_surfaces::{icosphere, joined, mapped, permuted, similarity, tube};
 
     fn run(source: &TriangleMesh, target: &TriangleMesh, constraints: &[Constraint]) -> Registered {
         let progress = Progress::new();
@@ -183,6 +223,24 @@ mod tests {
         // The shapes of these tests are as far apart as they are small.
         let settings = IcpSettings { max_distance: 0.3, ..IcpSettings::default() };
         register(&deformer, &start, target, &settings, &progress).unwrap()
+    }
+
+    #[test]
+    fn two_places_that_are_equally_near_pull_alike_however_the_target_stands() {
+        let limb = |x: f64| mapped(&tube(0.1, 1.0, 32, 20), |p| p + DVec3::X * x);
+        let limbs = joined(&limb(-0.2), &limb(0.2));
+        for turn in [0.0, 0.7, 2.0, 4.0] {
+            let turn = glam::DQuat::from_axis_angle(DVec3::new(0.3, 0.5, -0.8).normalize(), turn);
+            let target = mapped(&limbs, |p| turn * p);
+            let query = SurfaceQuery::new(&target).unwrap();
+            let shell = Shell::new(&target, &query, &Progress::new()).unwrap();
+            let target = Surroundings { mesh: &target, query: &query, shell: &shell };
+            // Half way between a vertex of each.
+            let between = turn * DVec3::new(0.0, 0.0, 0.5);
+            let pull = closest_pull(between, turn * DVec3::Y, false, target, 120.0).unwrap();
+            assert!(pull.position.distance(between) < 1e-6, "{} {between}", pull.position);
+            assert!((pull.distance - 0.1).abs() < 1e-6);
+        }
     }
 
     fn ellipsoid(level: usize) -> TriangleMesh {

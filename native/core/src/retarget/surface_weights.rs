@@ -14,7 +14,7 @@ use super::inpaint::{InpaintSettings, Known};
 use super::part_weights::{PartWeights, weigh_parts};
 use super::parts::{Part, PartPolicy, SourceWeights, plan_parts};
 use super::rejection::{RejectionSettings, SurfaceMatch, match_surfaces};
-use super::shell::{Shell, tie_break};
+use super::shell::Shell;
 use super::{Origin, RetargetError};
 use crate::mesh::{ResolvedChoice, SurfaceQuery, TriangleMesh};
 use crate::progress::Progress;
@@ -23,9 +23,6 @@ use crate::skinning::SkinWeights;
 
 /// Inpainting reaches this far from accepted matches, as a share of the extent.
 const FAR_FROM_MATCHES: f64 = 0.02;
-
-/// Places whose distances differ by less than this share of the extent are equally near.
-const EQUALLY_NEAR: f64 = 1e-7;
 
 /// What the target takes from the source, over the source's bones.
 pub(super) struct TakenOver {
@@ -86,10 +83,10 @@ pub(super) fn take_over(
     let rows: Vec<Row> = matches
         .par_iter()
         .zip(vertices)
-        .map(|(found, &point)| match other_closest(point, found, surface) {
+        .map(|(found, &point)| match surface.equally_close(point, found.distance, found.triangle) {
             Some(other) => {
-                let [own, other] =
-                    [(found.triangle, found.barycentric), other].map(|place| blend(place, source, weights));
+                let places = [(found.triangle, found.barycentric), (other.triangle, other.barycentric)];
+                let [own, other] = places.map(|place| blend(place, source, weights));
                 crate::skinning::blend([(&own, 0.5), (&other, 0.5)].into_iter())
             }
             None => blend((found.triangle, found.barycentric), source, weights),
@@ -116,15 +113,6 @@ pub(super) fn take_over(
         correspondence: matches.iter().map(|found| nearest(found, source)).collect(),
         matches: on_vertices(&matches, source),
     })
-}
-
-/// The other side's closest point where a vertex lies between two that are equally near, as on the
-/// mirror plane of a body: both count, or the order of triangles would decide.
-fn other_closest(point: DVec3, found: &SurfaceMatch, source: Surroundings<'_>) -> Option<(u32, [f64; 3])> {
-    let extent = source.shell.extent;
-    let other = source.query.closest_point(point - tie_break(extent))?;
-    let is_tie = (other.position.distance(point) - found.distance).abs() <= EQUALLY_NEAR * extent;
-    (is_tie && other.triangle != found.triangle).then_some((other.triangle, other.barycentric))
 }
 
 /// Weights of the source at a place on it.
